@@ -1,0 +1,28 @@
+# The only tools assumed: Python 3.11 or newer, pip and make.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUNS ?= runs
+
+.PHONY: demo test lint clean
+
+# Installed editable into the project's own environment, so that `filters`, `aircraft` and `testbed`
+# are this project's and nobody else's.
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f"Python 3.11 or newer is needed, this is {v[0]}.{v[1]}; try make PYTHON=python3.12")'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+demo: $(VENV)/.installed
+	$(BIN)/testbed compare paper-2-turn --out $(RUNS)/demo --overwrite
+
+test: $(VENV)/.installed
+	$(BIN)/python -m pytest --quiet -n auto --dist worksteal tests
+
+lint: $(VENV)/.installed
+	$(BIN)/ruff check filters aircraft testbed tests
+	$(BIN)/mypy
+
+clean:
+	rm -rf $(VENV) $(RUNS) build *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache

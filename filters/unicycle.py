@@ -1,0 +1,180 @@
+"""State, command and limits of fixed-wing vehicles as arrays, and the exact unicycle motion.
+
+Everything is SI and east-north-up: `theta` is the course, counter-clockwise from east, `v` the horizontal
+ground speed, `omega` the course rate, `zeta` the climb rate (Squires et al. 2022, eq. (2)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+class _Arrays:
+    """Fields that are float arrays of one common shape, `(N,)` or, in a View, `(observers, N)`."""
+
+    def __post_init__(self) -> None:
+        arrays = np.broadcast_arrays(
+            *(np.asarray(getattr(self, f.name), dtype=float) for f in fields(self))  # type: ignore[arg-type]
+        )
+        for f, a in zip(fields(self), arrays, strict=True):  # type: ignore[arg-type]
+            object.__setattr__(self, f.name, a)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return getattr(self, fields(self)[0].name).shape  # type: ignore[arg-type, no-any-return]
+
+    def __len__(self) -> int:
+        return self.shape[-1]
+
+    def __getitem__(self, index: Any) -> Self:
+        """The same fields at `index` of every array: `state[[0, 2]]`, `state[..., i]`."""
+        return type(self)(*(getattr(self, f.name)[index] for f in fields(self)))  # type: ignore[arg-type]
+
+    def array(self) -> Array:
+        """The fields stacked along a new last axis, in the order they are declared."""
+        return np.stack([getattr(self, f.name) for f in fields(self)], axis=-1)  # type: ignore[arg-type]
+
+    @classmethod
+    def of(cls, values: ArrayLike) -> Self:
+        """The inverse of `array`: the last axis holds the fields in the order they are declared."""
+        return cls(*np.moveaxis(np.asarray(values, dtype=float), -1, 0))
+
+    def isfinite(self) -> NDArray[np.bool_]:
+        """True where every field is finite, of the fields' shape."""
+        return np.all([np.isfinite(getattr(self, f.name)) for f in fields(self)], axis=0)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False)
+class State(_Arrays):
+    """Where vehicles are and where they go: x, y [m] east and north, theta [rad] course, z [m] up.
+
+    The order of the fields is that of the paper's x_i, so column k of a gradient is the k-th field.
+    """
+
+    x: Array
+    y: Array
+    theta: Array
+    z: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Command(_Arrays):
+    """v [m/s] ground speed, omega [rad/s] course rate, zeta [m/s] climb rate: asked for, or achieved."""
+
+    v: Array
+    omega: Array
+    zeta: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Limits(_Arrays):
+    """The input set U: v in [v_min, v_max] m/s, |omega| <= omega_max rad/s, |zeta| <= zeta_max m/s."""
+
+    v_min: Array
+    v_max: Array
+    omega_max: Array
+    zeta_max: Array
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not np.all(self.isfinite()):
+            raise ValueError(f"limits must be finite, got {self}")
+        if not np.all((self.v_min > 0) & (self.v_min <= self.v_max)):
+            raise ValueError(f"limits need 0 < v_min <= v_max, got v_min {self.v_min}, v_max {self.v_max}")
+        if not np.all((self.omega_max >= 0) & (self.zeta_max >= 0)):
+            raise ValueError("limits need omega_max >= 0 and zeta_max >= 0")
+
+    @property
+    def lower(self) -> Command:
+        return Command(self.v_min, -self.omega_max, -self.zeta_max)
+
+    @property
+    def upper(self) -> Command:
+        return Command(self.v_max, self.omega_max, self.zeta_max)
+
+    def clip(self, command: Command) -> Command:
+        """The point of U nearest to `command` (the box projection)."""
+        return Command(
+            np.clip(command.v, self.v_min, self.v_max),
+            np.clip(command.omega, -self.omega_max, self.omega_max),
+            np.clip(command.zeta, -self.zeta_max, self.zeta_max),
+        )
+
+    def contains(self, command: Command, tolerance: float = 0.0) -> NDArray[np.bool_]:
+        """True where `command` lies in U, within `tolerance` in each field's own unit; NaN is outside."""
+        c = command.array()
+        inside = (c >= self.lower.array() - tolerance) & (c <= self.upper.array() + tolerance)
+        return np.asarray(np.all(inside, axis=-1))
+
+
+def step(state: State, command: Command, dt: float) -> State:
+    """Fly `command` for `dt` seconds: the exact arc of eq. (2), smooth through omega = 0.
+
+    state    (N,) or (observers, N)  m, rad
+    command  the same shape
+    Returns the state after dt; theta is not wrapped, so it counts turns.
+    """
+    half = 0.5 * command.omega * dt
+    chord = command.v * dt * np.sinc(half / np.pi)
+    return State(
+        state.x + chord * np.cos(state.theta + half),
+        state.y + chord * np.sin(state.theta + half),
+        state.theta + command.omega * dt,
+        state.z + command.zeta * dt,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What the vehicles know of each other: poses and the rates achieved lately.
+
+    Arrays are `[vehicle]` when all observers see the same (the truth, without disturbances), and
+    `[observer, vehicle]` when latency, loss or noise give every vehicle its own version of the world.
+    """
+
+    state: State
+    rates: Command
+
+    @property
+    def shared(self) -> bool:
+        """True when every observer sees the same."""
+        return len(self.state.shape) == 1
+
+    def of(self, observer: int) -> View:
+        """What one vehicle sees, arrays `[vehicle]`."""
+        return self if self.shared else View(self.state[observer], self.rates[observer])
+
+    def own(self) -> View:
+        """What every vehicle knows of itself, arrays `[vehicle]`: the diagonal."""
+        if self.shared:
+            return self
+        n = np.arange(len(self.state))
+        return View(self.state[n, n], self.rates[n, n])
+
+
+class Plant(Protocol):
+    """Vehicles that fly commands. `step` returns every position passed, so that no minimum is missed.
+
+    reset(state, rng)       start at `state` (and the speed the plant was built with); all internal states settled
+    step(command, wind, n)  fly `command` (N,) for n periods of `dt` in `wind` (N, 3) m/s (east, north, up: the
+                            air's motion over the ground); returns positions (n, N, 3) m after each period
+    state()                 the pose now: course and east-north-up position, the truth
+    achieved()              ground speed, course rate and climb rate now, in the type they were asked in
+    telemetry()             further recorded channels, name -> (N,); empty for kinematic plants
+    faults()                per vehicle "" or what ended its flight: "not finite", "ground", ...
+    """
+
+    dt: float
+
+    def reset(self, state: State, rng: np.random.Generator) -> None: ...
+    def step(self, command: Command, wind: Array, n: int) -> Array: ...
+    def state(self) -> State: ...
+    def achieved(self) -> Command: ...
+    def telemetry(self) -> dict[str, Array]: ...
+    def faults(self) -> list[str]: ...

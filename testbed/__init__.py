@@ -1,0 +1,1 @@
+"""How we measure: scenarios, the simulation loop, guarantees, reports."""
