@@ -7,7 +7,7 @@ ground speed, `omega` the course rate, `zeta` the climb rate (Squires et al. 202
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -156,25 +156,3 @@ class View:
             return self
         n = np.arange(len(self.state))
         return View(self.state[n, n], self.rates[n, n])
-
-
-class Plant(Protocol):
-    """Vehicles that fly commands. `step` returns every position passed, so that no minimum is missed.
-
-    reset(state, rng)       start at `state` (and the speed the plant was built with); all internal states settled
-    step(command, wind, n)  fly `command` (N,) for n periods of `dt` in `wind` (N, 3) m/s (east, north, up: the
-                            air's motion over the ground); returns positions (n, N, 3) m after each period
-    state()                 the pose now: course and east-north-up position, the truth
-    achieved()              ground speed, course rate and climb rate now, in the type they were asked in
-    telemetry()             further recorded channels, name -> (N,); empty for kinematic plants
-    faults()                per vehicle "" or what ended its flight: "not finite", "ground", ...
-    """
-
-    dt: float
-
-    def reset(self, state: State, rng: np.random.Generator) -> None: ...
-    def step(self, command: Command, wind: Array, n: int) -> Array: ...
-    def state(self) -> State: ...
-    def achieved(self) -> Command: ...
-    def telemetry(self) -> dict[str, Array]: ...
-    def faults(self) -> list[str]: ...

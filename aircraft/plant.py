@@ -1,0 +1,31 @@
+"""The seam every fleet of vehicles fits: JSBSim aircraft, unicycles, unicycles with lags."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from filters.unicycle import Array, Command, State
+
+
+class Plant(Protocol):
+    """Vehicles that fly commands. `step` returns every position passed, so that no minimum is missed.
+
+    reset(state, rng)       start at `state` (and the speed the plant was built with); all internal states settled
+    step(command, wind, n)  fly `command` (N,) for n periods of `dt` in `wind` (N, 3) m/s (east, north, up: the
+                            air's motion over the ground); returns positions (n, N, 3) m after each period
+    state()                 the pose now: course and east-north-up position, the truth
+    achieved()              ground speed, course rate and climb rate now, in the type they were asked in
+    telemetry()             further recorded channels, name -> (N,); empty for kinematic plants
+    faults()                per vehicle "" or what ended its flight: "not finite", "ground", ...
+    """
+
+    dt: float
+
+    def reset(self, state: State, rng: np.random.Generator) -> None: ...
+    def step(self, command: Command, wind: Array, n: int) -> Array: ...
+    def state(self) -> State: ...
+    def achieved(self) -> Command: ...
+    def telemetry(self) -> dict[str, Array]: ...
+    def faults(self) -> list[str]: ...
