@@ -165,7 +165,7 @@ def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array) -> Solutio
 def _osqp(
     t: Array, A: Array, b: Array, lo: Array, hi: Array, tolerance: float, most: int
 ) -> tuple[Array, Array, int, bool]:
-    """OSQP from a cold start: u (n,), the rows' multipliers (m,) >= 0, iterations, whether it says infeasible."""
+    """OSQP from a cold start: u (n,), the rows' multipliers (m,) >= 0, iterations, whether it found no u."""
     import osqp
     from scipy import sparse
 
@@ -204,8 +204,8 @@ def _osqp(
 def _error(u: Array, y: Array, t: Array, A: Array, b: Array, lo: Array, hi: Array) -> float:
     """How far (u, y) is from the Karush-Kuhn-Tucker conditions; 0 at the optimum, u being inside the box.
 
-    With y >= 0 fixed the Lagrangian is least at clip(t + A' y); beside that every row needs the smaller of its
-    multiplier and its slack to be zero. With unit rows all terms are in the unit of u.
+    With y >= 0 fixed the Lagrangian is least at clip(t + A' y); beside that every row needs the smaller of
+    its multiplier and its slack to be zero. With unit rows all terms are in the unit of u.
     """
     stationary = np.abs(u - np.clip(t + y @ A, lo, hi)).max(initial=0.0)
     return float(max(stationary, np.abs(np.minimum(y, A @ u - b)).max(initial=0.0)))
@@ -214,12 +214,12 @@ def _error(u: Array, y: Array, t: Array, A: Array, b: Array, lo: Array, hi: Arra
 def _nearest(
     t: Array, A: Array, b: Array, lo: Array, hi: Array, guess: NDArray[np.bool_] | None
 ) -> Array | None:
-    """The exact optimum by least-distance programming over a growing set of constraints; None if there is none.
+    """The exact optimum by least-distance programs over a growing set of constraints; None if there is none.
 
     The optimum over some of the constraints is the optimum over all as soon as it satisfies all, so it starts
-    from those in `guess` (m,) and adds the violated ones; every round adds one at least, so it ends. Each round is
-    Lawson & Hanson, Solving Least Squares Problems (1974), ch. 23: min |x| with G x >= h by non-negative least
-    squares.
+    from those in `guess` (m,) and adds the violated ones; every round adds one at least, so it ends. Each
+    round is Lawson & Hanson, Solving Least Squares Problems (1974), ch. 23: min |x| with G x >= h by
+    non-negative least squares.
     """
     from scipy.optimize import nnls
 
