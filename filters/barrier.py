@@ -1,0 +1,260 @@
+"""Pairwise barrier functions in closed form: h(x_i, x_j) and its gradient over all pairs at once.
+
+Planar vectors are complex numbers, east + 1j north. `rollout` has the general construction, for any manoeuvre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from filters.pairs import (
+    Barrier,
+    ForwardDifference,
+    Index,
+    PairValues,
+    all_pairs,
+    check_count,
+    check_separation,
+    chosen_pairs,
+    form_function,
+    vehicle_of,
+)
+from filters.unicycle import Command, State
+
+__all__ = [
+    "Barrier",
+    "EuclideanBarrier",
+    "ForwardDifference",
+    "PairValues",
+    "StraightBarrier",
+    "TurnBarrier",
+    "all_pairs",
+]
+
+# Added under the square root of |Z|: keeps 0/0 from Z = 0, where it makes the subgradient 0, and changes no
+# |Z| above 1e-142 m^2.
+TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class TurnBarrier:
+    """Smallest future clearance of each pair if all turn at one rate for ever.
+
+    v          m/s, speed of the manoeuvre at ratio 1
+    omega      rad/s, turn rate of the manoeuvre, either sign, not 0
+    d_safe     m, separation to keep
+    delta      m^2, the paper's rounding of the kink; 0 leaves it out. The paper's vehicle 1 is the pair's i
+    sigma      ratio of each vehicle's manoeuvre speed to v: a number or (N,). The paper's pair (sigma v, v)
+               is sigma = (sigma, 1)
+    form       "root" (h in m) or "squared" (h in m^2)
+    smoothing  m^2, eps: |Z| is replaced by sqrt(|Z|^2 + eps^2), which is smooth at equal headings, lowers h
+               and keeps L_g h gamma = 0; 0 leaves it out
+    Raises  ValueError naming the parameter that is out of range.
+    Source  Squires et al. 2022, Example 1, A1 and A2 = |Z|. With signed radii r = sigma v/omega, centres
+            c = p + 1j r e^(1j theta), D = c_i - c_j and q = r_i e^(1j theta_i) - r_j e^(1j theta_j), the safety
+            function along the manoeuvre is A1 + Re(Z e^(1j omega tau)) - Ds^2, with
+            A1 = |D|^2 + |q|^2 + dz^2 - 2 delta and Z = -2j conj(D) q + delta (-1 - 1j) e^(1j theta_i).
+    """
+
+    v: float
+    omega: float
+    d_safe: float
+    delta: float = 0.0
+    sigma: ArrayLike = 1.0
+    form: str = "root"
+    smoothing: float = 0.0
+
+    def __post_init__(self) -> None:
+        sigma = np.asarray(self.sigma, dtype=float)
+        object.__setattr__(self, "sigma", sigma)
+        check_separation(self.d_safe)
+        form_function(self.form)
+        if not (np.isfinite(self.v) and self.v > 0):
+            raise ValueError(f"the turn's speed v must be positive and finite, got {self.v} m/s")
+        if not np.isfinite(self.omega) or self.omega == 0:
+            raise ValueError(
+                f"the turn rate omega must be finite and not 0, got {self.omega} rad/s; "
+                "for a straight manoeuvre use StraightBarrier"
+            )
+        if sigma.ndim > 1 or not (np.all(np.isfinite(sigma)) and np.all(sigma > 0)):
+            raise ValueError(
+                f"sigma must be positive and finite, a number or one per vehicle, got {self.sigma}"
+            )
+        for name, value in (("delta", self.delta), ("smoothing", self.smoothing)):
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be finite and not negative, got {value} m^2")
+
+    def manoeuvre(self, n: int) -> Command:
+        """(n,): v sigma_i, omega, no climb."""
+        sigma = np.asarray(self.sigma)
+        check_count(n, sigma, "sigma")
+        return Command(self.v * np.broadcast_to(sigma, n), self.omega, 0.0)
+
+    def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
+        """h and gradient (see `Barrier.values`); at Z = 0, the kink, the subgradient that takes d|Z| = 0."""
+        check_count(len(state), np.asarray(self.sigma), "sigma")
+        i, j = chosen_pairs(state, i, j)
+        heading = np.cos(state.theta) + 1j * np.sin(state.theta)
+        arm = (self.v / self.omega * np.asarray(self.sigma)) * heading
+        centre = state.x + 1j * state.y + 1j * arm
+        arm_i, arm_j = arm[i], arm[j]
+        q = arm_i - arm_j
+        d = centre[i] - centre[j]
+        dz = state.z[i] - state.z[j]
+
+        z = (-2j * q) * d.conj()
+        excess = self.smoothing**2
+        if self.delta:
+            tilt = (self.delta * (-1 - 1j)) * heading[i]
+            # (|Z|^2 - |Z at delta 0|^2) + eps^2, without subtracting large numbers
+            excess = excess + 2 * (z.real * tilt.real + z.imag * tilt.imag) + 2 * self.delta**2
+            z += tilt
+        amplitude = np.sqrt(z.real * z.real + z.imag * z.imag + (self.smoothing**2 + TINY))
+        # A1 - |Z| = (|D| - |q|)^2 + dz^2 - 2 delta - (|Z| - 2 |D| |q|): exact where A1 and |Z| nearly cancel.
+        d_abs, q_abs = np.abs(d), np.abs(q)
+        m = np.square(d_abs - q_abs)
+        m += dz * dz
+        m -= 2 * self.delta
+        m -= excess / (2 * d_abs * q_abs + amplitude)
+        h, slope = form_function(self.form)(m, self.d_safe)
+
+        # dm = Re(conj(g_d) dD) + Re(conj(g_q) dq) + 2 dz d(dz) + the delta term's own share of theta_i
+        slope = 2.0 * slope
+        phase = z.conj() / amplitude
+        g_d = d + 1j * (phase * q)
+        g_d *= slope
+        g_q_conj = q.conj() + 1j * (phase * d.conj())
+        g_q_conj *= slope
+        turn = 1j * g_q_conj - g_d.conj()
+        grad = np.empty((8, len(h)))
+        grad[0], grad[1] = g_d.real, g_d.imag
+        grad[2] = turn.real * arm_i.real - turn.imag * arm_i.imag
+        grad[6] = turn.imag * arm_j.imag - turn.real * arm_j.real
+        if self.delta:
+            grad[2] -= 0.5 * slope * (1j * phase * tilt).real
+        grad[3] = slope * dz
+        np.negative(grad[0:2], out=grad[4:6])
+        np.negative(grad[3], out=grad[7])
+        return PairValues(i, j, h, grad.T)
+
+
+@dataclass(frozen=True, eq=False)
+class StraightBarrier:
+    """Smallest future clearance of each pair if all fly straight on for ever, each at its own speed and climb.
+
+    v       (N,) m/s, manoeuvre speed of each vehicle
+    zeta    (N,) or a number, m/s, its climb rate
+    d_safe  m, separation to keep
+    form    "root" (h in m) or "squared" (h in m^2)
+    Raises  ValueError naming two vehicles whose speeds and climb rates are both equal: at equal headings their
+            range never changes, at nearly equal ones it can shrink to 0, so h would jump; also for parameters
+            out of range.
+    Source  Squires et al. 2022, Example 2 and appendix, with the zeta terms the appendix omits from a and b.
+    """
+
+    v: ArrayLike
+    zeta: ArrayLike
+    d_safe: float
+    form: str = "root"
+
+    def __post_init__(self) -> None:
+        v = np.atleast_1d(np.asarray(self.v, dtype=float))
+        zeta = np.asarray(self.zeta, dtype=float)
+        check_separation(self.d_safe)
+        form_function(self.form)
+        if v.ndim != 1 or not (np.all(np.isfinite(v)) and np.all(v > 0)):
+            raise ValueError(f"straight speeds v must be positive and finite, one per vehicle, got {self.v}")
+        if zeta.ndim > 1 or not np.all(np.isfinite(zeta)):
+            raise ValueError(f"climb rates zeta must be finite, a number or one per vehicle, got {self.zeta}")
+        check_count(len(v), zeta, "zeta")
+        object.__setattr__(self, "v", v)
+        object.__setattr__(self, "zeta", np.broadcast_to(zeta, v.shape))
+        i, j = all_pairs(len(v))
+        gap = np.hypot(self.v[i] - self.v[j], self.zeta[i] - self.zeta[j])  # type: ignore[index]
+        equal = np.flatnonzero(gap <= 1e-9 * np.maximum(v[i], v[j]))
+        if equal.size:
+            a, b = int(i[equal[0]]), int(j[equal[0]])
+            raise ValueError(
+                f"vehicles {a + 1} and {b + 1} have equal straight speeds ({v[a]} m/s) and climb rates: on "
+                "equal headings h is discontinuous; make the speeds differ, as 16 (1 + 0.01 id) m/s does"
+            )
+
+    def manoeuvre(self, n: int) -> Command:
+        """(n,): v_i straight on, climbing at zeta_i."""
+        check_count(n, np.asarray(self.v), "v")
+        return Command(self.v, 0.0, self.zeta)
+
+    def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
+        """h and gradient (see `Barrier.values`)."""
+        check_count(len(state), np.asarray(self.v), "v")
+        i, j = chosen_pairs(state, i, j)
+        zeta = np.asarray(self.zeta)
+        position = state.x + 1j * state.y
+        velocity = np.asarray(self.v) * (np.cos(state.theta) + 1j * np.sin(state.theta))
+        velocity_i, velocity_j = velocity[i], velocity[j]
+        w = velocity_i - velocity_j
+        d = position[i] - position[j]
+        w_z = zeta[vehicle_of(i)] - zeta[vehicle_of(j)]
+        d_z = state.z[i] - state.z[j]
+        closing = d.real * w.real + d.imag * w.imag + d_z * w_z
+        tau = np.maximum(0.0, -closing / (w.real * w.real + w.imag * w.imag + w_z * w_z))
+        # The closest offset is squared; the text's c - b^2/4a would cancel for pairs that nearly collide.
+        d = d + tau * w
+        d_z = d_z + tau * w_z
+        h, slope = form_function(self.form)(d.real * d.real + d.imag * d.imag + d_z * d_z, self.d_safe)
+
+        # tau is a minimiser, so its own derivative drops out (envelope theorem)
+        slope = 2.0 * slope
+        lever = slope * tau
+        grad = np.empty((8, len(h)))
+        grad[0], grad[1] = slope * d.real, slope * d.imag
+        grad[2] = lever * (d.imag * velocity_i.real - d.real * velocity_i.imag)
+        grad[3] = slope * d_z
+        np.negative(grad[0:2], out=grad[4:6])
+        grad[6] = lever * (d.real * velocity_j.imag - d.imag * velocity_j.real)
+        np.negative(grad[3], out=grad[7])
+        return PairValues(i, j, h, grad.T)
+
+
+@dataclass(frozen=True, eq=False)
+class EuclideanBarrier:
+    """The clearance of each pair now: the paper's example of a function that is no barrier.
+
+    d_safe  m, separation to keep
+    form    "root" (h in m) or "squared" (h in m^2, the paper's)
+    gamma   what vehicles fly when there is no solution, (N,) or numbers for all; h itself uses no manoeuvre
+    Raises  ValueError for parameters out of range, and from `manoeuvre` without gamma.
+    Source  Squires et al. 2022, Motivating Example. On its head-on state the sup of hdot + alpha(h) over the
+            inputs is -4 Ds v_min + 8 eps zeta_max + alpha(4 eps^2) in squared form (printed: 2 eps zeta_max).
+    """
+
+    d_safe: float
+    form: str = "root"
+    gamma: Command | None = None
+
+    def __post_init__(self) -> None:
+        check_separation(self.d_safe)
+        form_function(self.form)
+
+    def manoeuvre(self, n: int) -> Command:
+        """(n,): the fallback manoeuvre given."""
+        if self.gamma is None:
+            raise ValueError(
+                "the Euclidean barrier has no evading manoeuvre; give gamma to have one to fall back on"
+            )
+        v, omega, zeta = (np.broadcast_to(c, n) for c in (self.gamma.v, self.gamma.omega, self.gamma.zeta))
+        return Command(v, omega, zeta)
+
+    def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
+        """h and gradient (see `Barrier.values`)."""
+        i, j = chosen_pairs(state, i, j)
+        offset = [a[i] - a[j] for a in (state.x, state.y, state.z)]
+        h, slope = form_function(self.form)(sum(np.square(o) for o in offset), self.d_safe)
+        grad = np.zeros((8, len(h)))
+        for k, o in zip((0, 1, 3), offset, strict=True):
+            grad[k] = 2.0 * slope * o
+            np.negative(grad[k], out=grad[k + 4])
+        return PairValues(i, j, h, grad.T)

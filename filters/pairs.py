@@ -1,0 +1,181 @@
+"""What every pairwise barrier shares: pairs, values with gradients, the forms of h, differenced gradients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from filters.unicycle import Array, Command, State
+
+Index = Any
+"""Indexes a state's arrays: ints (P,), or for a state of more axes a tuple of them, the vehicle last."""
+
+FORMS = ("root", "squared")
+
+
+@dataclass(frozen=True, eq=False)
+class PairValues:
+    """A barrier's values at P pairs.
+
+    i, j  (P,) 0-based vehicles, i < j unless the caller chose them; as given when the caller gave indices
+    h     (P,) m in root form, m^2 in squared form; h >= 0 is safe
+    grad  (P, 8) dh/d[x_i, x_j], columns x, y, theta, z of vehicle i, then of j
+    """
+
+    i: Index
+    j: Index
+    h: Array
+    grad: Array
+
+    def lie(self, state: State) -> tuple[Array, Array]:
+        """L_g h of vehicles i and of j at `state`, each (P, 3) over (v, omega, zeta); L_f h = 0.
+
+        state  the state the values were computed at
+        Source  Squires et al. 2022, eq. (2): g has the columns (cos theta, sin theta, 0, 0), e_3 and e_4.
+        """
+        c, s = np.cos(state.theta), np.sin(state.theta)
+        rows = np.empty((2, 3, len(self.h)))
+        for row, vehicle, g in ((rows[0], self.i, self.grad.T[:4]), (rows[1], self.j, self.grad.T[4:])):
+            np.multiply(g[0], c[vehicle], out=row[0])
+            row[0] += g[1] * s[vehicle]
+            row[1:] = g[2:]
+        return rows[0].T, rows[1].T
+
+
+class Barrier(Protocol):
+    """A pairwise barrier h(x_i, x_j) >= 0, made from an evading manoeuvre."""
+
+    @property
+    def d_safe(self) -> float:
+        """Ds [m], the separation to keep."""
+        ...
+
+    def manoeuvre(self, n: int) -> Command:
+        """gamma, (n,): what each of n vehicles flies to evade."""
+        ...
+
+    def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
+        """h and its gradient over all pairs i < j of a state (N,), or over the pairs (i, j) given.
+
+        With a state of more axes (a View: observers by vehicles) i and j are tuples of index arrays whose
+        last entry is the vehicle, such as `(observer, vehicle)`.
+        """
+        ...
+
+
+@lru_cache(maxsize=64)
+def all_pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """(i, j), each (n (n-1)/2,): the pairs i < j of n vehicles, 0-based, in row order; read-only."""
+    i, j = np.triu_indices(n, 1)
+    i.flags.writeable = j.flags.writeable = False
+    return i, j
+
+
+def chosen_pairs(state: State, i: Index | None, j: Index | None) -> tuple[Index, Index]:
+    """The pairs asked for, or all of them.
+
+    Raises  ValueError if only one of i and j is given, or none for a state of more than one axis.
+    """
+    if i is not None and j is not None:
+        return i, j
+    if i is not None or j is not None:
+        raise ValueError("give both pair indices i and j, or neither")
+    if len(state.shape) != 1:
+        raise ValueError(f"give pair indices (observer, vehicle) for a state of shape {state.shape}")
+    return all_pairs(len(state))
+
+
+def vehicle_of(index: Index) -> NDArray[np.intp]:
+    """The vehicle numbers (P,) of pair indices."""
+    return np.asarray(index[-1] if isinstance(index, tuple) else index)
+
+
+def form_function(form: str) -> Callable[[Array, float], tuple[Array, Array | float]]:
+    """The map (m, d_safe) -> (h, dh/dm) of a form's name, m (P,) m^2 being the squared clearance.
+
+    Raises  ValueError for an unknown name.
+    """
+    try:
+        return {"root": root_form, "squared": squared_form}[form]
+    except KeyError:
+        raise ValueError(f"unknown form {form!r} of h; choose one of {', '.join(FORMS)}") from None
+
+
+def root_form(m: Array, d_safe: float) -> tuple[Array, Array]:
+    """h = sqrt(m) - Ds [m], continued linearly (C1) below m0 = (0.1 Ds)^2.
+
+    The paper's root is imaginary or infinitely steep far outside the safe set (delta, smoothing and
+    coincident vehicles lead there), and a NaN or an infinite row would silently disable a constraint.
+    """
+    m0 = (0.1 * d_safe) ** 2
+    root = np.sqrt(np.maximum(m, m0))
+    slope = 0.5 / root
+    return root + np.minimum(m - m0, 0.0) * slope - d_safe, slope
+
+
+def squared_form(m: Array, d_safe: float) -> tuple[Array, float]:
+    """h = m - Ds^2 [m^2]."""
+    return m - d_safe**2, 1.0
+
+
+def check_separation(d_safe: float) -> None:
+    """Raises ValueError unless Ds is a positive finite number of metres."""
+    if not (np.isfinite(d_safe) and d_safe > 0):
+        raise ValueError(f"d_safe must be positive and finite, got {d_safe} m")
+
+
+def check_count(n: int, per_vehicle: Array, name: str) -> None:
+    """Raises ValueError if a per-vehicle parameter `name` does not have one entry for each of n vehicles."""
+    if per_vehicle.ndim and len(per_vehicle) != n:
+        raise ValueError(f"{name} has {len(per_vehicle)} entries for {n} vehicles; give one each")
+
+
+@dataclass(frozen=True)
+class ForwardDifference:
+    """Any barrier with its gradient replaced by forward differences, as the published figures were made.
+
+    step  m for x, y, z and rad for theta
+    Raises  ValueError unless step is positive and finite.
+    """
+
+    barrier: Barrier
+    step: float = 1e-4
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.step) and self.step > 0):
+            raise ValueError(f"a forward-difference step must be positive and finite, got {self.step}")
+
+    @property
+    def d_safe(self) -> float:
+        return self.barrier.d_safe
+
+    def manoeuvre(self, n: int) -> Command:
+        return self.barrier.manoeuvre(n)
+
+    def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
+        """As `Barrier.values`; the gradient is (h(x + step e_k) - h(x)) / step over the eight entries."""
+        i, j = chosen_pairs(state, i, j)
+        # A new first axis holds the state as it is and shifted in each field of every vehicle; a pair then
+        # takes its two vehicles from different rows, so the inner barrier needs no knowledge of the shift.
+        fields = state.array()
+        shifted = np.repeat(fields[np.newaxis], 5, axis=0)
+        for k in range(4):
+            shifted[k + 1, ..., k] += self.step
+        rows = State.of(shifted)
+        tuple_i = i if isinstance(i, tuple) else (i,)
+        tuple_j = j if isinstance(j, tuple) else (j,)
+        same = np.zeros_like(vehicle_of(i))
+        h = self.barrier.values(state, i, j).h
+        grad = np.empty((8, len(h)))
+        for k in range(4):
+            row = same + (k + 1)
+            grad[k] = self.barrier.values(rows, (row, *tuple_i), (same, *tuple_j)).h
+            grad[k + 4] = self.barrier.values(rows, (same, *tuple_i), (row, *tuple_j)).h
+        grad -= h
+        grad /= self.step
+        return PairValues(i, j, h, grad.T)
