@@ -1,0 +1,151 @@
+"""The command line. Every mistake of a user's is one line on stderr and exit code 2."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from testbed.errors import UserError
+
+if TYPE_CHECKING:
+    from testbed.record import Run
+    from testbed.scenario import Scenario
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Does a collision-avoidance guarantee proved on a unicycle survive on a real aeroplane?"
+    " Start with: testbed compare paper-2-turn",
+)
+
+ScenarioArg = Annotated[str, typer.Argument(help="a built-in scenario (see: testbed list) or a TOML file")]
+SetOption = Annotated[
+    list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="override a field; may be repeated")
+]
+OutOption = Annotated[Path | None, typer.Option("--out", help="folder to write; default runs/NAME")]
+SeedOption = Annotated[int | None, typer.Option("--seed", help="seed of everything random in the run")]
+ForceOption = Annotated[bool, typer.Option("--force", help="fly even from a start outside the safe set")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what an earlier run left there")]
+JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
+
+
+@app.command(epilog="Example: testbed run paper-2-turn --plant jsbsim --set d_safe_m=8 --out runs/wide")
+def run(
+    scenario: ScenarioArg,
+    plant: Annotated[str | None, typer.Option("--plant", help="unicycle or jsbsim")] = None,
+    set_: SetOption = None,
+    seed: SeedOption = None,
+    out: OutOption = None,
+    force: ForceOption = False,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly one scenario on one plant, judge it, and write a run folder."""
+    from testbed.report.tables import scorecard
+
+    s = _scenario(scenario, set_, seed, plant)
+    where = out or Path("runs") / f"{s.name}-{s.plant}"
+    result = _fly(s, where, force, overwrite)
+    if as_json:
+        print(json.dumps({"run": str(where), "guarantees": result.guarantees}, indent=2))
+        return
+    _print(scorecard({s.plant: result}, f"{s.name} on {s.plant}"))
+    print(f"run folder: {where}")
+
+
+@app.command(epilog="Example: testbed compare paper-2-turn --plants unicycle,jsbsim --out runs/head-on")
+def compare(
+    scenario: ScenarioArg,
+    plants: Annotated[str, typer.Option("--plants", help="plants to compare")] = "unicycle,jsbsim",
+    set_: SetOption = None,
+    seed: SeedOption = None,
+    out: OutOption = None,
+    force: ForceOption = False,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly one scenario on several plants: a table of guarantees, and figures with the plants overlaid."""
+    from testbed.comparison import compare as fly_all
+    from testbed.report.tables import scorecard
+
+    names = [p.strip() for p in plants.split(",") if p.strip()]
+    scenarios = {p: _scenario(scenario, set_, seed, p) for p in names}
+    if not scenarios:
+        raise UserError("--plants: name at least one plant")
+    first = next(iter(scenarios.values()))
+    where = out or Path("runs") / f"{first.name}-compare"
+    with _progress() as bar:
+        result = fly_all(scenarios, where, force=force, overwrite=overwrite, progress=bar)
+    if as_json:
+        print(json.dumps(result.summary(), indent=2))
+        return
+    _print(scorecard(result.runs, f"{first.name}: {first.vehicles} vehicles, Ds {first.d_safe_m:g} m"))
+    print("figures:")
+    for figure in result.figures:
+        print(f"  {figure}")
+
+
+@app.command("list", epilog="Example: testbed list --json")
+def list_(as_json: JsonOption = False) -> None:
+    """The built-in scenarios."""
+    from testbed.scenario import builtin, load
+
+    rows = {name: load(name).description for name in builtin()}
+    if as_json:
+        print(json.dumps(rows, indent=2))
+        return
+    for name, description in rows.items():
+        print(f"{name}\n    {description}")
+
+
+@app.command(epilog="Example: testbed schema > scenario.schema.json")
+def schema() -> None:
+    """The JSON Schema of scenario files."""
+    from testbed.scenario import Scenario
+
+    print(json.dumps(Scenario.model_json_schema(), indent=2))
+
+
+def _scenario(source: str, overrides: list[str] | None, seed: int | None, plant: str | None) -> Scenario:
+    from testbed.scenario import load
+
+    extra = [f"seed={seed}"] if seed is not None else []
+    extra += [f"plant={plant}"] if plant is not None else []
+    return load(source, (overrides or []) + extra)
+
+
+def _fly(s: Scenario, where: Path, force: bool, overwrite: bool) -> Run:
+    from testbed.simulate import run as fly
+
+    with _progress() as bar:
+        return fly(s, where, force=force, overwrite=overwrite, progress=bar.track(s.plant))
+
+
+def _progress():  # type: ignore[no-untyped-def]
+    from testbed.report.progress import Progress
+
+    return Progress()
+
+
+def _print(table: object) -> None:
+    from rich.console import Console
+
+    Console().print(table)
+
+
+def main() -> None:
+    """Entry point of the `testbed` command."""
+    try:
+        app(standalone_mode=True)
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("interrupted; nothing half-written is left", file=sys.stderr)
+        sys.exit(130)

@@ -1,0 +1,138 @@
+"""Figures of runs: the paper's four panels with the plants overlaid, and what an aircraft adds.
+
+One style everywhere: SI labels, limits drawn, one colour and dash per plant (Okabe-Ito, safe for the
+colour-blind, told apart in grey by the dash), PNG for screens and PDF for papers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from testbed.record import Run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STYLES: dict[str, dict[str, Any]] = {
+    "unicycle": {"color": "#0072B2", "linestyle": "-"},
+    "lagged": {"color": "#009E73", "linestyle": "-."},
+    "jsbsim": {"color": "#D55E00", "linestyle": "--"},
+}
+LIMIT = {"color": "0.35", "linestyle": ":", "linewidth": 1.0}
+RC = {
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "legend.fontsize": 7,
+    "svg.hashsalt": "cbf-jsbsim-testbed",
+}
+
+
+def compare(runs: Mapping[str, Run], folder: Path) -> list[Path]:
+    """Draw `panels` and, where an aircraft flew, `aircraft` into `folder`; returns the PNG files."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with plt.rc_context(RC):
+        figures = {"panels": panels(runs)}
+        flown = {name: run for name, run in runs.items() if "roll_rad" in run.vehicles}
+        if flown:
+            figures["aircraft"] = aircraft(flown)
+        files = []
+        for name, figure in figures.items():
+            files.append(folder / f"{name}.png")
+            figure.savefig(files[-1], dpi=160)
+            figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
+            plt.close(figure)
+    return files
+
+
+def style(plant: str) -> dict[str, Any]:
+    return STYLES.get(plant, {"color": "#CC79A7", "linestyle": "-"})
+
+
+def one(run: Run, vehicle: int = 1) -> Any:
+    """The rows of one vehicle."""
+    return run.vehicles[run.vehicles.vehicle == vehicle]
+
+
+def panels(runs: Mapping[str, Run]) -> Figure:
+    """Speed and turn rate of vehicle 1 (achieved, and commanded thin), smallest distance, paths."""
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(2, 2, figsize=(7.2, 5.4), layout="constrained")
+    (speed, turn), (distance, path) = axes
+    scenario = next(iter(runs.values())).manifest["scenario"]
+    limits = scenario["limits"]
+    for name, run in runs.items():
+        rows, look = one(run), style(name)
+        thin = look | {"linewidth": 0.6, "alpha": 0.7, "linestyle": "-"}
+        speed.plot(rows.t_s, rows.v_command_mps, **thin)
+        speed.plot(rows.t_s, rows.v_mps, label=name, **look)
+        turn.plot(rows.t_s, np.degrees(rows.omega_command_radps), **thin)
+        turn.plot(rows.t_s, np.degrees(rows.omega_radps), label=name, **look)
+        if len(run.pairs):
+            smallest = run.pairs.groupby("t_s").distance_m.min()
+            distance.plot(smallest.index, smallest, label=f"{name}, least {smallest.min():.2f} m", **look)
+        for vehicle in sorted(run.vehicles.vehicle.unique()):
+            rows = one(run, vehicle)
+            path.plot(rows.x_m, rows.y_m, **look, label=name if vehicle == 1 else None, alpha=0.85)
+            path.plot(rows.x_m.iloc[0], rows.y_m.iloc[0], marker="o", ms=3, **look)
+    _limits(speed, limits["v_min_mps"], limits["v_max_mps"])
+    _limits(turn, -limits["omega_max_degps"], limits["omega_max_degps"])
+    _limits(distance, scenario["d_safe_m"])
+    distance.text(
+        0.01, scenario["d_safe_m"], " Ds", va="bottom", fontsize=7, transform=distance.get_yaxis_transform()
+    )
+    distance.set_yscale("log")
+    speed.set(xlabel="time [s]", ylabel="ground speed [m/s]", title="Vehicle 1: speed (thin: commanded)")
+    turn.set(xlabel="time [s]", ylabel="turn rate [deg/s]", title="Vehicle 1: turn rate (thin: commanded)")
+    distance.set(xlabel="time [s]", ylabel="distance [m]", title="Smallest distance of any pair")
+    path.set(xlabel="east [m]", ylabel="north [m]", title="Paths (dot: start)")
+    path.set_aspect("equal" if scenario["vehicles"] > 2 else "auto")
+    for a in axes.flat:
+        a.legend(loc="best")
+    return figure
+
+
+def aircraft(runs: Mapping[str, Run]) -> Figure:
+    """Vehicle 1 of aircraft runs: bank, sideslip, and achieved minus commanded on the three channels."""
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(5, 1, figsize=(7.2, 7.6), sharex=True, layout="constrained")
+    for name, run in runs.items():
+        rows, look = one(run), style(name)
+        series = [
+            np.degrees(rows.roll_rad),
+            np.degrees(rows.beta_rad),
+            rows.v_mps - rows.v_command_mps,
+            np.degrees(rows.omega_radps - rows.omega_command_radps),
+            rows.zeta_mps - rows.zeta_command_mps,
+        ]
+        for a, y in zip(axes, series, strict=True):
+            a.plot(rows.t_s, y, label=name, **look)
+    labels = ("bank [deg]", "sideslip [deg]", "speed [m/s]", "turn rate [deg/s]", "climb rate [m/s]")
+    for a, label in zip(axes, labels, strict=True):
+        a.set_ylabel(label)
+        a.axhline(0.0, color="0.6", linewidth=0.6)
+    axes[0].set_title("Vehicle 1: attitude, and tracking errors (achieved minus commanded)")
+    axes[-1].set_xlabel("time [s]")
+    axes[0].legend(loc="best")
+    return figure
+
+
+def _limits(axes: Axes, *values: float) -> None:
+    for value in values:
+        axes.axhline(value, **LIMIT)

@@ -1,0 +1,230 @@
+"""The one loop: any plant, any filter, any scenario."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aircraft.plant import Plant
+from filters.barrier import Barrier, PairValues, all_pairs
+from filters.collision import Decision, Filter
+from filters.qp import Status
+from filters.unicycle import Array, Command, Limits, State, View
+from testbed import catalogue, guarantees
+from testbed.errors import UserError
+from testbed.record import MemorySink, Recorder, Run, Sink
+from testbed.scenario import SCHEMA_VERSION, Scenario
+from testbed.start import generators, places
+from testbed.store import RunWriter, load, staged
+from testbed.tally import Tally
+
+Progress = Callable[[float, float], None]
+STATUS_NAMES = np.array([s.name.lower() for s in Status])
+
+
+def run(
+    scenario: Scenario,
+    out: Path | None = None,
+    *,
+    force: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Run:
+    """Fly `scenario` and judge it.
+
+    out        run directory to write; None keeps the tables in memory
+    force      fly even from a start outside the safe set
+    overwrite  replace a run that stands at `out`
+    progress   called with (t, duration) in seconds, at every filter step
+    Raises     UserError for a start outside the safe set, two vehicles at one place, or bad files
+    """
+    if out is None:
+        sink = MemorySink()
+        finished = _Flight(scenario, sink, force, progress).fly()
+        finished.tables = sink.tables()
+        return finished
+    with staged(out, overwrite) as folder:
+        writer = RunWriter(folder)
+        writer.finish(_Flight(scenario, writer, force, progress).fly())
+    return load(out)
+
+
+@dataclass
+class _Flight:
+    """The pieces of one run, put together and flown once."""
+
+    scenario: Scenario
+    sink: Sink
+    force: bool
+    progress: Progress | None
+
+    def fly(self) -> Run:
+        began = time.perf_counter()
+        s = self.scenario
+        rngs = generators(s.seed)
+        start, goal = places(s, rngs["start"])
+        limits, barrier = catalogue.limits(s), catalogue.barrier(s)
+        i, j = all_pairs(s.vehicles)
+        started_safe = _check_start(s, barrier, start, i, j, self.force)
+        plant = catalogue.plant(s)
+        plant.reset(start, rngs["plant"])
+        tally = Tally(s.vehicles)
+        tally.positions(np.zeros(1), _position(start)[None], goal, s.goal_radius_m, i, j)
+        recorder = Recorder(self.sink)
+        end = self._loop(plant, catalogue.filter_(s, barrier), barrier, limits, goal, tally, recorder)
+        recorder.close()
+        verdicts = guarantees.judge(s, tally, i, j, started_safe, end)
+        wall = time.perf_counter() - began
+        return Run(_manifest(s, tally, end), verdicts, {"wall_s": wall})
+
+    def _loop(
+        self,
+        plant: Plant,
+        filter_: Filter,
+        barrier: Barrier,
+        limits: Limits,
+        goal: Array,
+        tally: Tally,
+        recorder: Recorder,
+    ) -> str | None:
+        """Fly to the end; returns why it ended early, or None."""
+        s = self.scenario
+        i, j = all_pairs(s.vehicles)
+        nominal = catalogue.nominal(s, goal, barrier)
+        waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
+        steps, dt, n = s.filter_steps, s.rates.filter_dt_s, s.rates.fdm_steps
+        offsets = s.rates.fdm_dt_s * np.arange(1, n + 1)
+        calm = np.zeros((s.vehicles, 3))
+        held: dict[str, np.ndarray] | None = None
+        h_before = np.empty(0)
+        end: str | None = None
+        for step in range(steps + 1):
+            t = step * dt
+            truth, rates = plant.state(), plant.achieved()
+            waiting.append(nominal(t, truth))
+            wanted = waiting.popleft()
+            decision = filter_(View(truth, rates), wanted, limits)
+            true = _true_pairs(decision, filter_, barrier, truth)
+            if held is not None:
+                recorder.add("pairs", held | {"hdot_realised_mps": (true.h - h_before) / dt})
+                held = None
+            _take_in(tally, t, decision, true, limits)
+            if step % s.rates.record_steps == 0:
+                recorder.add("vehicles", _vehicle_rows(t, truth, rates, wanted, decision, plant.telemetry()))
+                if i.size:
+                    held, h_before = _pair_rows(t, truth, decision, true), true.h
+            if self.progress is not None:
+                self.progress(t, s.duration_s)
+            if step == steps:
+                break
+            track = plant.step(decision.command, calm, n)
+            fault = next((f"vehicle {v + 1}: {what}" for v, what in enumerate(plant.faults()) if what), None)
+            if fault is not None:
+                end = f"{fault} by {t + dt:.3f} s, the run ended there"
+                break
+            tally.positions(t + offsets, track, goal, s.goal_radius_m, i, j)
+        if held is not None:
+            recorder.add("pairs", held | {"hdot_realised_mps": np.full(i.size, np.nan)})
+        return end
+
+
+def _position(state: State) -> Array:
+    return np.stack([state.x, state.y, state.z], axis=-1)
+
+
+def _check_start(
+    s: Scenario, barrier: Barrier, start: State, i: np.ndarray, j: np.ndarray, force: bool
+) -> bool:
+    """Whether h >= 0 for every pair; refused without `force`, and two vehicles at one place always."""
+    if not i.size:
+        return True
+    position = _position(start)
+    distance = np.linalg.norm(position[i] - position[j], axis=-1)
+    p = int(np.argmin(distance))
+    if distance[p] == 0.0:
+        raise UserError(f"vehicles {i[p] + 1} and {j[p] + 1} start at one place, {position[i[p]]} m")
+    h = barrier.values(start).h
+    p = int(np.argmin(h))
+    if h[p] >= -guarantees.H_TOLERANCE_M:
+        return True
+    if not force:
+        raise UserError(
+            f"the start is outside the safe set: h = {h[p]:.3f} for vehicles {i[p] + 1} and {j[p] + 1},"
+            f" {distance[p]:.1f} m apart; --force flies it all the same"
+        )
+    return False
+
+
+def _true_pairs(decision: Decision, filter_: Filter, barrier: Barrier, truth: State) -> PairValues:
+    """The unmodified barrier at the true state; the filter's own values where they are just that."""
+    if decision.pairs is not None and getattr(filter_, "barrier", None) is barrier:
+        return decision.pairs
+    return barrier.values(truth)
+
+
+def _take_in(tally: Tally, t: float, decision: Decision, true: PairValues, limits: Limits) -> None:
+    tally.filter_steps += 1
+    if true.h.size:
+        tally.h.update(t, true.h)
+    c, low, high = decision.command.array(), limits.lower.array(), limits.upper.array()
+    span = np.where(high > low, high - low, 1.0)
+    tally.command_margin.update(t, np.min(np.minimum(c - low, high - c) / span, axis=-1))
+    tally.override_steps += decision.override
+    tally.worst_residual = max(tally.worst_residual, float(np.max(decision.residual, initial=0.0)))
+    failed = np.flatnonzero(
+        (decision.status == Status.INFEASIBLE) | (decision.status == Status.ITERATION_LIMIT)
+    )
+    for vehicle in failed:
+        name = str(STATUS_NAMES[decision.status[vehicle]])
+        tally.qp_failures[name] = tally.qp_failures.get(name, 0) + 1
+        if tally.first_failure is None:
+            tally.first_failure = (t, int(vehicle), name)
+
+
+def _vehicle_rows(
+    t: float, truth: State, rates: Command, wanted: Command, decision: Decision, telemetry: dict[str, Array]
+) -> dict[str, np.ndarray]:
+    n = len(truth)
+    columns = {"t_s": np.full(n, t), "vehicle": np.arange(1, n + 1, dtype=np.int32)}
+    columns |= {"x_m": truth.x, "y_m": truth.y, "z_m": truth.z, "theta_rad": truth.theta}
+    for suffix, c in (("", rates), ("_nominal", wanted), ("_command", decision.command)):
+        columns |= {f"v{suffix}_mps": c.v, f"omega{suffix}_radps": c.omega, f"zeta{suffix}_mps": c.zeta}
+    columns |= {"override": decision.override, "qp_status": STATUS_NAMES[decision.status]}
+    return columns | telemetry
+
+
+def _pair_rows(t: float, truth: State, decision: Decision, true: PairValues) -> dict[str, np.ndarray]:
+    position = _position(truth)
+    lie_i, lie_j = true.lie(truth)
+    u = decision.command.array()
+    predicted = np.sum(lie_i * u[true.i], axis=-1) + np.sum(lie_j * u[true.j], axis=-1)
+    size = true.h.size
+    return {
+        "t_s": np.full(size, t),
+        "i": (true.i + 1).astype(np.int32),
+        "j": (true.j + 1).astype(np.int32),
+        "distance_m": np.linalg.norm(position[true.i] - position[true.j], axis=-1),
+        "h_m": true.h,
+        "h_filter_m": decision.pairs.h if decision.pairs is not None else np.full(size, np.nan),
+        "hdot_predicted_mps": predicted,
+    }
+
+
+def _manifest(s: Scenario, tally: Tally, end: str | None) -> dict[str, Any]:
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "scenario": s.model_dump(mode="json"),
+        "seed_streams": list(generators(s.seed)),
+        "versions": catalogue.versions(),
+        "airframes": catalogue.airframe_hashes(s),
+        "ended_early": end,
+        "filter_steps": tally.filter_steps,
+        "worst_qp_residual": tally.worst_residual,
+        "override_share": (tally.override_steps / max(1, tally.filter_steps)).tolist(),
+    }
