@@ -1,6 +1,6 @@
 """Pairwise barrier functions in closed form: h(x_i, x_j) and its gradient over all pairs at once.
 
-Planar vectors are complex numbers, east + 1j north. `rollout` has the general construction, for any manoeuvre.
+Planar vectors are complex numbers, east + 1j north. The construction for any manoeuvre is in `rollout`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class TurnBarrier:
                and keeps L_g h gamma = 0; 0 leaves it out
     Raises  ValueError naming the parameter that is out of range.
     Source  Squires et al. 2022, Example 1, A1 and A2 = |Z|. With signed radii r = sigma v/omega, centres
-            c = p + 1j r e^(1j theta), D = c_i - c_j and q = r_i e^(1j theta_i) - r_j e^(1j theta_j), the safety
+            c = p + 1j r e^(1j theta), D = c_i - c_j, q = r_i e^(1j theta_i) - r_j e^(1j theta_j), the safety
             function along the manoeuvre is A1 + Re(Z e^(1j omega tau)) - Ds^2, with
             A1 = |D|^2 + |q|^2 + dz^2 - 2 delta and Z = -2j conj(D) q + delta (-1 - 1j) e^(1j theta_i).
     """
@@ -143,14 +143,14 @@ class TurnBarrier:
 
 @dataclass(frozen=True, eq=False)
 class StraightBarrier:
-    """Smallest future clearance of each pair if all fly straight on for ever, each at its own speed and climb.
+    """Smallest future clearance of each pair if all fly straight on for ever, each at its own speed.
 
     v       (N,) m/s, manoeuvre speed of each vehicle
     zeta    (N,) or a number, m/s, its climb rate
     d_safe  m, separation to keep
     form    "root" (h in m) or "squared" (h in m^2)
-    Raises  ValueError naming two vehicles whose speeds and climb rates are both equal: at equal headings their
-            range never changes, at nearly equal ones it can shrink to 0, so h would jump; also for parameters
+    Raises  ValueError naming two vehicles whose speeds and climb rates are both equal: at equal headings
+            their range never changes, at nearly equal ones it can shrink to 0, so h would jump; also for parameters
             out of range.
     Source  Squires et al. 2022, Example 2 and appendix, with the zeta terms the appendix omits from a and b.
     """
