@@ -125,6 +125,9 @@ def solve(target: ArrayLike, rows: Any, rhs: ArrayLike, lower: ArrayLike, upper:
     free = lo < hi
     if free.all():
         return _solve_active(t, A, b, lo, hi)
+    if not free.any():
+        short = violation(u, A, b)
+        return Solution(u, Status.SOLVED if short <= RESIDUAL else Status.INFEASIBLE, short, margin=-short)
     # Entries without a choice are data, not variables.
     inner = _solve_active(t[free], A[:, free], b - A[:, ~free] @ lo[~free], lo[free], hi[free])
     u[free] = inner.u
@@ -150,15 +153,15 @@ def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array) -> Solutio
             return Solution(refined, Status.SOLVED, violation(refined, A, b), iterations, refined=True)
         if np.isnan(margin):
             margin, fallback = best_margin(A, b, lo, hi)
-            if margin < -RESIDUAL:
+            if margin < -0.5 * RESIDUAL:
                 return Solution(
                     fallback, Status.INFEASIBLE, violation(fallback, A, b), iterations, False, margin
                 )
     # Rows that only just contradict each other have no exact solution: give way by less than RESIDUAL.
-    slack = 0.5 * RESIDUAL + max(0.0, -margin)
-    refined = _nearest(t, unit, level - slack / norm, lo, hi, None)
-    if refined is not None and violation(refined, A, b) <= 2 * RESIDUAL:
-        return Solution(refined, Status.SOLVED, violation(refined, A, b), iterations, True, margin)
+    for slack in (0.0, 0.4 * RESIDUAL + max(0.0, -margin)):
+        refined = _nearest(t, unit, level - slack / norm, lo, hi, None)
+        if refined is not None and violation(refined, A, b) <= RESIDUAL:
+            return Solution(refined, Status.SOLVED, violation(refined, A, b), iterations, True, margin)
     return Solution(fallback, Status.ITERATION_LIMIT, violation(fallback, A, b), iterations, False, margin)
 
 

@@ -8,90 +8,128 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from filters.unicycle import Array, State
+from filters.pairs import Barrier, Index, PairValues, chosen_pairs, vehicle_of
+from filters.unicycle import Array, Command, State, View
+
+Alpha = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The barrier rows of P pairs: lie_i u_i + lie_j u_j >= rhs [m/s], and gamma's share of each side.
+    """The barrier rows of P pairs: lie_i u_i + lie_j u_j >= rhs, in m/s (m^2/s for a squared h).
 
-    i, j            (P,)    the pair's vehicles, from 0
-    lie_i, lie_j    (P, 3)  L_g h over (v, omega, zeta)
-    rhs             (P,)    -alpha(h)
-    evade_i, _j     (P,)    lie_i gamma_i and lie_j gamma_j; nan if the barrier has no manoeuvre
-    pairs           the barrier's PairValues
+    i, j          (P,)    the pair's vehicles, from 0
+    lie_i, lie_j  (P, 3)  L_g h over (v, omega, zeta)
+    rhs           (P,)    -alpha(h)
+    pairs         the barrier's values they come from
     """
 
-    i: NDArray[np.int_]
-    j: NDArray[np.int_]
+    i: NDArray[np.intp]
+    j: NDArray[np.intp]
     lie_i: Array
     lie_j: Array
     rhs: Array
-    evade_i: Array
-    evade_j: Array
-    pairs: Any
+    pairs: PairValues
 
     def left(self, u: Array) -> Array:
         """L_g h u (P,) of inputs u (N, 3)."""
-        return np.einsum("pc,pc->p", self.lie_i, u[self.i]) + np.einsum("pc,pc->p", self.lie_j, u[self.j])
+        return dot(self.lie_i, u[self.i]) + dot(self.lie_j, u[self.j])
 
-    def limited(self) -> tuple[NDArray[np.int_], Array, Array]:
-        """The limited-communication rows, each pair's seen from i and then from j: vehicle, lie, rhs, (2P, ...).
 
-        Each vehicle takes half of what gamma leaves over (|V^j| = 2), so the two halves add up to the pair's row.
-        """
-        share = 0.5 * (self.evade_i - self.evade_j)
-        return (
-            np.concatenate([self.i, self.j]),
-            np.concatenate([self.lie_i, self.lie_j]),
-            np.concatenate([0.5 * self.rhs + share, 0.5 * self.rhs - share]),
-        )
+@dataclass(frozen=True, eq=False)
+class OwnRows:
+    """Rows that each bind one vehicle: lie u_vehicle >= rhs, (R,), (R, 3) and (R,)."""
+
+    vehicle: NDArray[np.intp]
+    lie: Array
+    rhs: Array
+
+    def left(self, u: Array) -> Array:
+        """lie u_vehicle (R,) of inputs u (N, 3)."""
+        return dot(self.lie, u[self.vehicle])
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Row-wise inner products (R,) of (R, 3) and (R, 3)."""
+    # Column by column: numpy's reductions over a last axis of 3 cost several times as much.
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]  # type: ignore[no-any-return]
+
+
+def least(lie: Array, lower: Array, upper: Array) -> Array:
+    """The smallest value (R,) of lie u over the box, all (R, 3)."""
+    return dot(lie, np.where(lie > 0, lower, upper))
 
 
 def barrier_rows(
-    barrier: Any, alpha: Callable[[Array], Array], state: State, i: Any = None, j: Any = None
+    barrier: Barrier, alpha: Alpha, state: State, i: Index | None = None, j: Index | None = None
 ) -> Rows:
-    """The rows of all pairs i < j of `state` (N,), or of those given.
+    """The rows of all pairs i < j of `state` (N,), or of those given (see `Barrier.values`).
 
     Raises FloatingPointError naming the pair if h, its derivative or alpha(h) is not finite: a NaN compares
     false with everything and would silently remove the constraint.
     """
-    pairs = barrier.values(state) if i is None else barrier.values(state, i, j)
-    a, b = np.asarray(pairs.i), np.asarray(pairs.j)
+    pairs = barrier.values(state, i, j)
     lie_i, lie_j = pairs.lie(state)
     rhs = -np.asarray(alpha(pairs.h), dtype=float)
-    fine = np.isfinite(pairs.h) & np.isfinite(lie_i).all(-1) & np.isfinite(lie_j).all(-1) & np.isfinite(rhs)
-    if not fine.all():
-        p = int(np.flatnonzero(~fine)[0])
-        raise FloatingPointError(
-            f"the barrier of vehicles {a[p] + 1} and {b[p] + 1} (pair {p + 1} of {a.size}) is not finite: h "
-            f"{pairs.h[p]}, L_g h {lie_i[p]} and {lie_j[p]}, alpha(h) {-rhs[p]}"
-        )
-    gamma_i, gamma_j = _manoeuvres(barrier, a, b, len(state))
-    evade_i, evade_j = np.einsum("pc,pc->p", lie_i, gamma_i), np.einsum("pc,pc->p", lie_j, gamma_j)
-    return Rows(a, b, lie_i, lie_j, rhs, evade_i, evade_j, pairs)
+    rows = Rows(vehicle_of(pairs.i), vehicle_of(pairs.j), lie_i, lie_j, rhs, pairs)
+    # One sum is finite only if all its terms are; no finite barrier comes near overflowing it.
+    with np.errstate(invalid="ignore", over="ignore"):
+        total = pairs.h.sum() + lie_i.sum() + lie_j.sum() + rhs.sum()
+    if not np.isfinite(total):
+        _name_infinite(rows)
+    return rows
 
 
-def shared_manoeuvre(barrier: Any, n: int) -> Array | None:
-    """gamma (N, 3), or None if the barrier has none (or one per pair)."""
-    give = getattr(barrier, "manoeuvre", None)
-    command = None if give is None else give(n)
-    return None if command is None else command.array()
+def _name_infinite(rows: Rows) -> None:
+    fine = np.isfinite(rows.pairs.h) & np.isfinite(rows.rhs)
+    fine &= np.isfinite(rows.lie_i).all(-1) & np.isfinite(rows.lie_j).all(-1)
+    p = int(np.flatnonzero(~fine)[0]) if not fine.all() else int(np.argmax(np.abs(rows.rhs)))
+    raise FloatingPointError(
+        f"the barrier of vehicles {rows.i[p] + 1} and {rows.j[p] + 1} (pair {p + 1} of {rows.i.size}) is not "
+        f"finite: h {rows.pairs.h[p]}, L_g h {rows.lie_i[p]} and {rows.lie_j[p]}, alpha(h) {-rows.rhs[p]}"
+    )
 
 
-def _manoeuvres(barrier: Any, i: Array, j: Array, n: int) -> tuple[Array, Array]:
-    """gamma of each pair's two vehicles, (P, 3) each; nan where there is none."""
-    if hasattr(barrier, "manoeuvres"):
-        return barrier.manoeuvres(i, j, n)  # type: ignore[no-any-return]
-    gamma = shared_manoeuvre(barrier, n)
-    if gamma is None:
-        return np.full((i.size, 3), np.nan), np.full((i.size, 3), np.nan)
-    return gamma[i], gamma[j]
+def shares(barrier: Barrier, rows: Rows, n: int) -> tuple[Array, Array]:
+    """The right-hand sides (P,) of the limited-communication rows of i and of j; they add up to the pair's.
+
+    Each vehicle assumes that the other flies gamma and takes half of what both flying gamma leaves over
+    (|V^j| = 2, L_f h = 0): rhs_i = -alpha(h)/2 - (L_g h_j gamma_j - L_g h_i gamma_i)/2.
+    Raises  ValueError if the barrier has no manoeuvre.
+    Source  Squires et al. 2022, the QP of "Control calculation with limited communication".
+    """
+    if isinstance(barrier, PerPair):
+        gamma_i, gamma_j = barrier.manoeuvres(rows.i, rows.j, n)
+    else:
+        gamma = barrier.manoeuvre(n).array()
+        gamma_i, gamma_j = gamma[rows.i], gamma[rows.j]
+    difference = 0.5 * (dot(rows.lie_i, gamma_i) - dot(rows.lie_j, gamma_j))
+    return 0.5 * rows.rhs + difference, 0.5 * rows.rhs - difference
+
+
+def limited_rows(barrier: Barrier, rows: Rows, n: int) -> OwnRows:
+    """Each pair's two limited-communication rows (2P,), i's and then j's, when all see the same."""
+    rhs_i, rhs_j = shares(barrier, rows, n)
+    return OwnRows(
+        np.concatenate([rows.i, rows.j]),
+        np.concatenate([rows.lie_i, rows.lie_j]),
+        np.concatenate([rhs_i, rhs_j]),
+    )
+
+
+def observed_rows(barrier: Barrier, alpha: Alpha, view: View) -> OwnRows:
+    """Every vehicle's own limited-communication rows (N (N-1),), each computed from that vehicle's view."""
+    n = len(view.state)
+    observer, other = np.nonzero(~np.eye(n, dtype=bool))
+    i, j = np.minimum(observer, other), np.maximum(observer, other)
+    rows = barrier_rows(barrier, alpha, view.state, (observer, i), (observer, j))
+    rhs_i, rhs_j = shares(barrier, rows, n)
+    first = observer < other
+    return OwnRows(observer, np.where(first[:, None], rows.lie_i, rows.lie_j), np.where(first, rhs_i, rhs_j))
 
 
 @dataclass(frozen=True)
@@ -102,34 +140,38 @@ class PerPair:
     rows may contradict each other inside the safe set: for showing just that.
     """
 
-    barriers: tuple[Any, ...]
+    barriers: tuple[Barrier, ...]
 
     @property
     def d_safe(self) -> float:
         return max(b.d_safe for b in self.barriers)
 
-    def values(self, state: State, i: Any = None, j: Any = None) -> Any:
-        n = len(state)
+    def manoeuvre(self, n: int) -> Command:
+        raise ValueError("barriers per pair have no common evading manoeuvre")
+
+    def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
+        """As `Barrier.values`, each pair by its own barrier."""
+        i, j = chosen_pairs(state, i, j)
+        h, grad = np.empty(vehicle_of(i).size), np.empty((vehicle_of(i).size, 8))
+        for p, barrier in enumerate(self._of(i, j, len(state))):
+            one = barrier.values(state, _only(i, p), _only(j, p))
+            h[p], grad[p] = one.h[0], one.grad[0]
+        return PairValues(i, j, h, grad)
+
+    def manoeuvres(self, i: Index, j: Index, n: int) -> tuple[Array, Array]:
+        """gamma of each pair's own barrier for its two vehicles, (P, 3) each."""
+        gamma = np.array([b.manoeuvre(n).array() for b in self._of(i, j, n)]).reshape(-1, n, 3)
+        p = np.arange(len(gamma))
+        return gamma[p, vehicle_of(i)], gamma[p, vehicle_of(j)]
+
+    def _of(self, i: Index, j: Index, n: int) -> list[Barrier]:
         if n * (n - 1) // 2 != len(self.barriers):
             raise ValueError(
                 f"{n} vehicles have {n * (n - 1) // 2} pairs, but {len(self.barriers)} barriers came"
             )
-        a, b = np.triu_indices(n, 1) if i is None else (np.atleast_1d(i), np.atleast_1d(j))
-        parts = [
-            self._of(p, q, n).values(state, np.array([p]), np.array([q])) for p, q in zip(a, b, strict=True)
-        ]
-        return type(parts[0])(
-            a, b, np.concatenate([v.h for v in parts]), np.concatenate([v.grad for v in parts])
-        )
+        a, b = np.minimum(vehicle_of(i), vehicle_of(j)), np.maximum(vehicle_of(i), vehicle_of(j))
+        return [self.barriers[p] for p in a * (2 * n - a - 1) // 2 + b - a - 1]
 
-    def manoeuvres(self, i: Array, j: Array, n: int) -> tuple[Array, Array]:
-        """gamma of each pair's own barrier for its two vehicles, (P, 3) each."""
-        gammas = [self._of(p, q, n).manoeuvre(n).array() for p, q in zip(i, j, strict=True)]
-        return (
-            np.array([g[p] for g, p in zip(gammas, i, strict=True)]).reshape(-1, 3),
-            np.array([g[q] for g, q in zip(gammas, j, strict=True)]).reshape(-1, 3),
-        )
 
-    def _of(self, i: int, j: int, n: int) -> Any:
-        i, j = min(i, j), max(i, j)
-        return self.barriers[i * (2 * n - i - 1) // 2 + j - i - 1]
+def _only(index: Index, p: int) -> Index:
+    return tuple(_only(a, p) for a in index) if isinstance(index, tuple) else index[p : p + 1]

@@ -1,0 +1,246 @@
+"""The QP solver against published vectors, an independent solver, and the optimality conditions."""
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from filters import qp
+from filters.qp import Status
+
+VECTORS = json.loads((Path(__file__).parent / "reference" / "vectors.json").read_text())
+
+
+def vector_problems():
+    """(name, target, rows, rhs, lower, upper, u) of every QP in vectors.json, one per vehicle if limited."""
+    for case in VECTORS["qp"]:
+        k = case["k"]
+        lie_i, lie_j, h = (np.array(case[f]) for f in ("Lgh_i", "Lgh_j", "h"))
+        gamma, target, u = (np.array(case[f]) for f in ("gamma", "u_hat", "u"))
+        lower, upper = np.array(case["lo"]), np.array(case["hi"])
+        name = f"{case['name']}-{case['mode']}"
+        if case["mode"] == "centralized":
+            rows = np.zeros((len(h), k, 3))
+            for p, (i, j) in enumerate(case["pairs"]):
+                rows[p, i], rows[p, j] = lie_i[p], lie_j[p]
+            flat = rows.reshape(len(h), -1)
+            yield name, target.ravel(), flat, -0.1 * h**3, np.tile(lower, k), np.tile(upper, k), u.ravel()
+            continue
+        for n in range(k):
+            mine = []
+            for p, (i, j) in enumerate(case["pairs"]):
+                share = 0.5 * (lie_j[p] @ gamma[j] - lie_i[p] @ gamma[i])
+                mine += [(lie_i[p], -0.05 * h[p] ** 3 - share)] if n == i else []
+                mine += [(lie_j[p], -0.05 * h[p] ** 3 + share)] if n == j else []
+            rows, rhs = (np.array(a) for a in zip(*mine, strict=True))
+            yield f"{name}-{n + 1}", target[n], rows, rhs, lower, upper, u[n]
+
+
+PROBLEMS = {name: rest for name, *rest in vector_problems()}
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_reference_qps_are_solved_through_osqp_to_1e_6(name):
+    target, rows, rhs, lower, upper, u = PROBLEMS[name]
+    found = qp.solve(target, rows, rhs, lower, upper)
+    assert found.status == Status.SOLVED
+    assert found.iterations > 0  # not by the shortcut
+    assert found.residual <= 1e-9
+    np.testing.assert_allclose(found.u, u, rtol=0, atol=1e-6)
+
+
+def random_problem(rng, n, m, feasible=True):
+    """Rows scaled like a barrier's (1, 100, 0.1), some of them huge, and a target partly outside the box."""
+    half = np.resize([5.0, 0.2269, 3.9], n)
+    centre = np.resize([20.0, 0.0, 0.0], n)
+    rows = rng.normal(size=(m, n)) * np.resize([1.0, 100.0, 0.1], n) * 10.0 ** rng.uniform(-1, 1, (m, 1))
+    inside = centre + half * rng.uniform(-0.9, 0.9, n)
+    gap = np.linalg.norm(rows * half, axis=1) * rng.uniform(-0.3, 0.3 if not feasible else 0.0, m)
+    return centre + half * rng.normal(0, 2, n), rows, rows @ inside + gap, centre - half, centre + half
+
+
+def kkt_error(u, target, rows, rhs, lower, upper):
+    """Distance of `u` from the optimum's conditions, with multipliers found by non-negative least squares."""
+    from scipy.optimize import nnls
+
+    norm = np.linalg.norm(rows, axis=1)
+    rows, rhs = rows / norm[:, None], rhs / norm
+    active = rows[rows @ u - rhs < 1e-7]
+    normals = np.vstack([active, np.eye(u.size)[u - lower < 1e-9], -np.eye(u.size)[upper - u < 1e-9]])
+    return nnls(normals.T, u - target)[1] if len(normals) else float(np.linalg.norm(u - target))
+
+
+@pytest.mark.parametrize(
+    ("n", "m", "cases"), [(3, 5, 60), (3, 19, 60), (12, 6, 20), (30, 45, 10), (60, 190, 4)]
+)
+def test_random_qps_satisfy_the_optimality_conditions(n, m, cases):
+    rng = np.random.default_rng(n * 1000 + m)
+    for _ in range(cases):
+        problem = random_problem(rng, n, m)
+        found = qp.solve(*problem)
+        assert found.status == Status.SOLVED
+        assert found.residual <= 1e-6
+        assert np.all((found.u >= problem[3]) & (found.u <= problem[4]))
+        # Sufficient for the optimum of a convex problem. healthy 1e-9, wrong active set > 1e-3
+        assert kkt_error(found.u, *problem) <= 1e-6
+
+
+def brute_force(target, rows, rhs, lower, upper):
+    """The optimum by trying every active set of up to n constraints."""
+    n = target.size
+    normals = np.vstack([rows, np.eye(n), -np.eye(n)])
+    levels = np.concatenate([rhs, lower, -upper])
+    best, best_cost = None, np.inf
+    for size in range(n + 1):
+        for active in itertools.combinations(range(levels.size), size):
+            g, h = normals[list(active)], levels[list(active)]
+            u = target + np.linalg.lstsq(g, h - g @ target, rcond=None)[0] if size else target
+            if np.all(normals @ u - levels >= -1e-9 * np.maximum(1, np.abs(levels))):
+                cost = np.sum((u - target) ** 2)
+                best, best_cost = (u, cost) if cost < best_cost else (best, best_cost)
+    return best
+
+
+def test_small_qps_agree_with_the_enumeration_of_all_active_sets():
+    rng = np.random.default_rng(4)
+    for _ in range(25):
+        problem = random_problem(rng, 3, 4)
+        np.testing.assert_allclose(qp.solve(*problem).u, brute_force(*problem), rtol=0, atol=1e-7)
+
+
+def test_a_medium_qp_agrees_with_slsqp():
+    target, rows, rhs, lower, upper = random_problem(np.random.default_rng(5), 9, 8)
+    size = np.linalg.norm(rows, axis=1)
+    other = minimize(
+        lambda u: 0.5 * np.sum((u - target) ** 2),
+        np.clip(target, lower, upper),
+        jac=lambda u: u - target,
+        bounds=list(zip(lower, upper, strict=True)),
+        constraints={
+            "type": "ineq",
+            "fun": lambda u: (rows @ u - rhs) / size,
+            "jac": lambda u: rows / size[:, None],
+        },
+        method="SLSQP",
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    np.testing.assert_allclose(qp.solve(target, rows, rhs, lower, upper).u, other.x, rtol=0, atol=1e-5)
+
+
+def test_a_target_that_satisfies_all_rows_once_clipped_is_returned_without_osqp():
+    found = qp.solve([30.0, 0.0], [[1.0, 0.0]], [10.0], [15.0, -1.0], [25.0, 1.0])
+    assert found.status == Status.SOLVED
+    assert found.iterations == 0
+    np.testing.assert_array_equal(found.u, [25.0, 0.0])
+
+
+def test_the_shortcut_agrees_with_the_full_solution():
+    rng = np.random.default_rng(6)
+    for _ in range(10):
+        target, rows, rhs, lower, upper = random_problem(rng, 3, 5)
+        clipped = np.clip(target, lower, upper)
+        rhs = np.minimum(rhs, rows @ clipped - 0.01)
+        norm = np.linalg.norm(rows, axis=1)
+        exact = qp._nearest(target, rows / norm[:, None], rhs / norm, lower, upper, np.ones(5, dtype=bool))
+        np.testing.assert_allclose(exact, clipped, rtol=0, atol=1e-9)
+
+
+def test_a_qp_with_neither_rows_nor_room_works():
+    assert qp.solve([3.0], np.zeros((0, 1)), [], [0.0], [1.0]).u == [1.0]
+    found = qp.solve([0.0, 9.0], [[1.0, 1.0]], [5.0], [2.0, 0.0], [2.0, 9.5])
+    np.testing.assert_allclose(found.u, [2.0, 9.0])
+
+
+def test_entries_with_equal_limits_are_kept_at_them():
+    found = qp.solve([0.0, 0.0], [[1.0, 1.0]], [5.0], [2.0, 0.0], [2.0, 9.5])
+    assert found.status == Status.SOLVED
+    np.testing.assert_allclose(found.u, [2.0, 3.0], atol=1e-9)
+
+
+def test_a_contradiction_is_infeasible_and_returns_the_least_bad_input():
+    found = qp.solve([0.0, 0.0], [[1.0, 0.0], [-1.0, 0.0]], [0.3, 0.1], [-1.0, -1.0], [1.0, 1.0])
+    assert found.status == Status.INFEASIBLE
+    assert found.margin == pytest.approx(-0.2, abs=1e-7)
+    assert found.residual == pytest.approx(0.2, abs=1e-7)
+    assert found.u[0] == pytest.approx(0.1, abs=1e-7)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-8, 1e-4])
+def test_rows_that_leave_a_sliver_are_solved_not_called_infeasible(gap):
+    rows = np.array([[1.0, 200.0], [-1.0, -200.0]])
+    found = qp.solve([40.0, -3.0], rows, [20.0, -20.0 - gap], [15.0, -0.2], [25.0, 0.2])
+    assert found.status == Status.SOLVED
+    assert found.residual <= 1e-6
+
+
+def test_infeasible_is_not_taken_from_osqp_on_trust(monkeypatch):
+    target, rows, rhs, lower, upper = random_problem(np.random.default_rng(7), 6, 4)
+    honest = qp.solve(target, rows, rhs, lower, upper)
+    assert honest.iterations > 0
+    monkeypatch.setattr(
+        qp, "_osqp", lambda t, A, b, lo, hi, *_: (np.clip(t, lo, hi), np.zeros(b.size), 1, True)
+    )
+    found = qp.solve(target, rows, rhs, lower, upper)
+    assert found.status == Status.SOLVED
+    np.testing.assert_allclose(found.u, honest.u, rtol=0, atol=1e-7)
+
+
+def test_a_bad_osqp_answer_is_refined_to_the_exact_one(monkeypatch):
+    problem = random_problem(np.random.default_rng(8), 9, 12)
+    honest = qp.solve(*problem)
+    monkeypatch.setattr(qp, "_osqp", lambda t, A, b, lo, hi, *_: (t * 0, np.ones(b.size), 4000, False))
+    found = qp.solve(*problem)
+    assert found.refined and found.status == Status.SOLVED
+    np.testing.assert_allclose(found.u, honest.u, rtol=0, atol=1e-7)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**31), st.integers(1, 8), st.integers(1, 12))
+def test_status_and_residual_never_contradict_each_other(seed, n, m):
+    problem = random_problem(np.random.default_rng(seed), n, m, feasible=False)
+    _, rows, rhs, lower, upper = problem
+    found = qp.solve(*problem)
+    assert np.all((found.u >= lower) & (found.u <= upper))
+    assert found.residual == qp.violation(found.u, rows, rhs)
+    margin, _ = qp.best_margin(rows, rhs, lower, upper)
+    assert found.status == (Status.SOLVED if found.residual <= qp.RESIDUAL else Status.INFEASIBLE)
+    if found.status == Status.INFEASIBLE:
+        assert margin < 0
+    else:
+        assert margin >= -qp.RESIDUAL
+
+
+def test_solutions_do_not_depend_on_what_was_solved_before():
+    rng = np.random.default_rng(9)
+    problems = [random_problem(rng, 12, 8) for _ in range(4)]
+    first = [qp.solve(*p).u.tobytes() for p in problems]
+    backwards = [qp.solve(*p).u.tobytes() for p in problems[::-1]][::-1]
+    assert first == backwards
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_refused(bad):
+    with pytest.raises(ValueError, match="rhs of a QP must be finite"):
+        qp.solve([0.0], [[1.0]], [bad], [-1.0], [1.0])
+    with pytest.raises(ValueError, match="rows of a QP must be finite"):
+        qp.solve([0.0], [[bad]], [0.0], [-1.0], [1.0])
+
+
+def test_crossed_limits_are_refused():
+    with pytest.raises(ValueError, match="lower <= upper"):
+        qp.solve([0.0], [[1.0]], [0.0], [1.0], [-1.0])
+
+
+def test_sparse_rows_are_accepted():
+    from scipy.sparse import csr_array
+
+    rows = np.array([[1.0, 1.0]])
+    args = ([0.0, 0.0], [1.0], [-1.0, -1.0], [1.0, 1.0])
+    np.testing.assert_array_equal(
+        qp.solve(args[0], csr_array(rows), *args[1:]).u, qp.solve(args[0], rows, *args[1:]).u
+    )
