@@ -5,15 +5,17 @@ from __future__ import annotations
 import hashlib
 import platform
 from importlib import metadata
+from math import radians
 from typing import Any
 
 import numpy as np
 
 from aircraft.plant import Plant
 from filters.alpha import OddPolynomial, cubic, linear
-from filters.barrier import Barrier, TurnBarrier
+from filters.barrier import Barrier, EuclideanBarrier, ForwardDifference, StraightBarrier, TurnBarrier
 from filters.collision import CollisionFilter, Filter, Passthrough
-from filters.unicycle import Array, Limits
+from filters.rows import PerPair
+from filters.unicycle import Array, Command, Limits
 from testbed.errors import UserError
 from testbed.nominal import Constant, NearIdentity, NominalController
 from testbed.scenario import Scenario
@@ -30,23 +32,62 @@ def limits(s: Scenario) -> Limits:
 
 def _turn(s: Scenario) -> Barrier:
     b = s.barrier
+    if b.pairs:
+        return PerPair(
+            tuple(
+                TurnBarrier(p.v_mps, radians(p.omega_degps), s.d_safe_m, b.delta_m2, form=b.form)
+                for p in b.pairs
+            )
+        )
     return TurnBarrier(
         v=b.v_mps,
-        omega=float(np.radians(b.omega_degps)),
+        omega=radians(b.omega_degps),
         d_safe=s.d_safe_m,
         delta=b.delta_m2,
-        sigma=np.asarray(b.sigma, dtype=float) if isinstance(b.sigma, list) else b.sigma,
+        sigma=_per_vehicle(b.sigma, s),
         form=b.form,
         smoothing=b.smoothing_m2,
     )
 
 
-BARRIERS = {"turn": _turn}
+def _straight(s: Scenario) -> Barrier:
+    b = s.barrier
+    speeds = b.v_mps * (1.0 + b.speed_step * np.arange(1, s.vehicles + 1))
+    return StraightBarrier(speeds, _per_vehicle(b.zeta_mps, s), s.d_safe_m, b.form)
+
+
+def _rollout(s: Scenario) -> Barrier:
+    from filters.rollout import RolloutBarrier
+
+    m = s.barrier.manoeuvres * (s.vehicles if len(s.barrier.manoeuvres) == 1 else 1)
+    gamma = Command(*([getattr(q, name) for q in m] for name in ("v_mps", "omega_degps", "zeta_mps")))
+    return RolloutBarrier(
+        Command(gamma.v, np.radians(gamma.omega), gamma.zeta), s.d_safe_m, form=s.barrier.form
+    )
+
+
+def _euclidean(s: Scenario) -> Barrier:
+    # The Euclidean distance needs no manoeuvre; the turn is what a vehicle flies when the QP has no solution.
+    b = s.barrier
+    return EuclideanBarrier(s.d_safe_m, b.form, gamma=Command(b.v_mps, radians(b.omega_degps), 0.0))
+
+
+def _per_vehicle(values: float | list[float], s: Scenario) -> Array:
+    return np.resize(np.asarray(values, dtype=float), s.vehicles)
+
+
+BARRIERS = {"turn": _turn, "straight": _straight, "rollout": _rollout, "euclidean": _euclidean}
 
 
 def barrier(s: Scenario) -> Barrier:
-    """The barrier as the scenario states it: the one verdicts use."""
-    return BARRIERS[s.barrier.kind](s)
+    """The barrier as the scenario states it: the one verdicts use.
+
+    Raises UserError where the manoeuvre gives no barrier, such as two equal straight speeds.
+    """
+    try:
+        return BARRIERS[s.barrier.kind](s)
+    except ValueError as error:
+        raise UserError(f"barrier: {error}") from None
 
 
 def alpha(s: Scenario) -> OddPolynomial:
@@ -56,14 +97,32 @@ def alpha(s: Scenario) -> OddPolynomial:
     return {"linear": linear, "cubic": cubic}[a.kind](a.coefficient)
 
 
+def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    own = ForwardDifference(b, s.barrier.gradient_step) if s.barrier.gradient == "forward" else b
+    mode: Any = s.filter.kind
+    return CollisionFilter(own, alpha(s), mode=mode, shared=s.barrier.shared)
+
+
+def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    from filters.navigation import NavigationFilter
+
+    p = s.navigation
+    return NavigationFilter(
+        goal, speed=p.speed_mps, gain=p.heading_gain_per_s, sensing_range=p.sensing_range_m
+    )
+
+
 FILTERS = {
-    "centralised": lambda s, b: CollisionFilter(b, alpha(s), mode="centralised"),
-    "none": lambda s, b: Passthrough(),
+    "centralised": _collision,
+    "limited": _collision,
+    "navigation": _navigation,
+    "none": lambda s, b, goal: Passthrough(),
 }
 
 
-def filter_(s: Scenario, b: Barrier) -> Filter:
-    return FILTERS[s.filter.kind](s, b)
+def filter_(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    """What alters the nominal input; `b` is the barrier verdicts use."""
+    return FILTERS[s.filter.kind](s, b, goal)
 
 
 NOMINALS = {

@@ -31,6 +31,7 @@ def judge(
     return [
         _separation(scenario, tally, i, j, end),
         _invariance(scenario, tally, i, j, started_safe, end),
+        _admissible(scenario, tally, i, j, end),
         _feasibility(scenario, tally, end),
         _limits(tally, end),
         _goals(scenario, tally, end),
@@ -97,6 +98,23 @@ def _invariance(
     return _decide(entry, value >= -H_TOLERANCE_M, end)
 
 
+def _admissible(s: Scenario, tally: Tally, i: np.ndarray, j: np.ndarray, end: str | None) -> dict[str, Any]:
+    unit = "m/s" if s.barrier.form == "root" else "m^2/s"
+    entry = _entry(
+        "zcbf-condition",
+        "inside its safe set, each barrier leaves an admissible input",
+        "Definition 1, Theorem 2",
+        "smallest sup over U of hdot + alpha(h)",
+        unit,
+    )
+    if not i.size:
+        return entry | {"why": "no pair, no barrier"}
+    if tally.admissible.worst()[0] < 0:
+        return entry | {"verdict": PREMISE, "why": "no pair was ever inside its safe set"}
+    value = _at_pair(entry, tally.admissible, i, j, 0.0)
+    return _decide(entry, value >= -H_TOLERANCE_M, end)
+
+
 def _feasibility(s: Scenario, tally: Tally, end: str | None) -> dict[str, Any]:
     entry = _entry(
         "qp-feasibility", "the QP has a solution", "Theorems 2 to 4", "vehicle-steps without a solution", ""
@@ -130,7 +148,7 @@ def _limits(tally: Tally, end: str | None) -> dict[str, Any]:
 def _goals(s: Scenario, tally: Tally, end: str | None) -> dict[str, Any]:
     entry = _entry(
         "goal",
-        f"every vehicle passes its goal within {s.goal_radius_m:g} m",
+        f"every vehicle passes its goal within {s.goal_radius_m:g} m before the run ends",
         "Section V: vehicles reach their waypoints",
         "largest over vehicles of the closest approach to the goal",
         "m",

@@ -21,6 +21,7 @@ SCHEMA_VERSION = 1
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+TurnRate = Annotated[float, Field(ge=-360, le=360)]
 
 
 class Section(BaseModel):
@@ -142,30 +143,78 @@ class Alpha(Section):
         return self
 
 
+class Manoeuvre(Section):
+    """A constant input: straight, a turn, a climb, or any mixture."""
+
+    v_mps: Positive
+    omega_degps: TurnRate = 0.0
+    zeta_mps: float = 0.0
+
+
+class Pair(Section):
+    """The turn that one pair evades by, where every pair has a manoeuvre of its own."""
+
+    i: Annotated[int, Field(ge=1)]
+    j: Annotated[int, Field(ge=2)]
+    v_mps: Positive
+    omega_degps: TurnRate
+
+
 class Barrier(Section):
     """The evading manoeuvre gamma and the barrier function built from it."""
 
-    kind: Literal["turn"] = "turn"
+    kind: Literal["turn", "straight", "rollout", "euclidean"] = "turn"
     form: Literal["root", "squared"] = "root"
     v_mps: Positive = 16.0
-    omega_degps: Annotated[float, Field(ge=-360, le=360)] = 11.7
-    sigma: Positive | list[Positive] = Field(default=1.0, description="speed ratio, for all or per vehicle")
-    delta_m2: NonNegative = 0.01
+    omega_degps: TurnRate = Field(default=11.7, description="of the turn")
+    sigma: Positive | list[Positive] = Field(default=1.0, description="turn: speed ratio, one or per vehicle")
+    delta_m2: NonNegative = Field(default=0.01, description="turn: the paper's rounding of the kink")
     smoothing_m2: NonNegative = Field(
-        default=0.0, description="eps of the smoothed barrier; 0 is the paper's"
+        default=0.0, description="turn: eps of the smoothed barrier; 0 is the paper's, we recommend 30"
     )
+    speed_step: NonNegative = Field(
+        default=0.01, description="straight: vehicle i (from 1) evades at v_mps (1 + speed_step i)"
+    )
+    zeta_mps: float | list[float] = Field(default=0.0, description="straight: climb rate, one or per vehicle")
+    manoeuvres: list[Manoeuvre] = Field(default=[], description="rollout: one for all, or one per vehicle")
+    shared: bool = Field(
+        default=True, description="false lets every pair have its own manoeuvre, which voids Theorem 3"
+    )
+    pairs: list[Pair] = Field(default=[], description="turn, with shared = false: each pair's manoeuvre")
+    gradient: Literal["analytic", "forward"] = Field(
+        default="analytic", description="forward: by differences, as in the published runs"
+    )
+    gradient_step: Annotated[float, Field(gt=0, le=1)] = Field(default=1e-4, description="m and rad")
 
     @model_validator(mode="after")
-    def turns(self) -> Barrier:
+    def complete(self) -> Barrier:
         if self.kind == "turn" and self.omega_degps == 0:
             raise ValueError("omega_degps: a turn needs a turn rate other than zero")
+        if self.kind == "rollout" and not self.manoeuvres:
+            raise ValueError("manoeuvres: a rollout needs at least one manoeuvre")
+        if self.pairs and self.shared:
+            raise ValueError(
+                "pairs: a manoeuvre for each pair breaks the shared-manoeuvre assumption"
+                " (Assumption 1 of the paper); say shared = false to study just that"
+            )
+        if not self.shared and not self.pairs:
+            raise ValueError("pairs: shared = false needs each pair's manoeuvre listed")
         return self
 
 
 class Filter(Section):
     """What stands between the nominal controller and the vehicles."""
 
-    kind: Literal["centralised", "none"] = "centralised"
+    kind: Literal["centralised", "limited", "navigation", "none"] = "centralised"
+    monitor: bool = Field(default=False, description="check Theorems 3 and 4 at every step, and compare QPs")
+
+
+class Navigation(Section):
+    """The navigation-function baseline, with the parameters its authors' comparison used."""
+
+    speed_mps: Positive = 20.0
+    heading_gain_per_s: Positive = 0.6
+    sensing_range_m: Positive = 400.0
 
 
 class Scenario(Section):
@@ -190,6 +239,7 @@ class Scenario(Section):
     filter: Filter = Filter()
     barrier: Barrier = Barrier()
     alpha: Alpha = Alpha()
+    navigation: Navigation = Navigation()
 
     @model_validator(mode="after")
     def consistent(self) -> Scenario:
@@ -199,9 +249,14 @@ class Scenario(Section):
             )
         if self.start.pattern == "circle" and self.start.places:
             raise ValueError("start.places: listed, but start.pattern is 'circle'; set it to 'list'")
-        sigma = self.barrier.sigma
-        if isinstance(sigma, list) and len(sigma) != self.vehicles:
-            raise ValueError(f"barrier.sigma: {len(sigma)} values for {self.vehicles} vehicles")
+        for name in ("sigma", "zeta_mps", "manoeuvres"):
+            values = getattr(self.barrier, name)
+            if isinstance(values, list) and len(values) > 1 and len(values) != self.vehicles:
+                raise ValueError(f"barrier.{name}: {len(values)} values for {self.vehicles} vehicles")
+        if self.barrier.pairs:
+            wanted = [(i, j) for i in range(1, self.vehicles + 1) for j in range(i + 1, self.vehicles + 1)]
+            if [(p.i, p.j) for p in self.barrier.pairs] != wanted:
+                raise ValueError(f"barrier.pairs: list the pairs {wanted} in this order")
         ratio = self.duration_s / self.rates.filter_dt_s
         if abs(ratio - round(ratio)) > 1e-6:
             lower, upper = (f(ratio) * self.rates.filter_dt_s for f in (math.floor, math.ceil))

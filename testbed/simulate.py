@@ -77,7 +77,7 @@ class _Flight:
         tally = Tally(s.vehicles)
         tally.positions(np.zeros(1), _position(start)[None], goal, s.goal_radius_m, i, j)
         recorder = Recorder(self.sink)
-        end = self._loop(plant, catalogue.filter_(s, barrier), barrier, limits, goal, tally, recorder)
+        end = self._loop(plant, catalogue.filter_(s, barrier, goal), barrier, limits, goal, tally, recorder)
         recorder.close()
         verdicts = guarantees.judge(s, tally, i, j, started_safe, end)
         wall = time.perf_counter() - began
@@ -96,7 +96,7 @@ class _Flight:
         """Fly to the end; returns why it ended early, or None."""
         s = self.scenario
         i, j = all_pairs(s.vehicles)
-        nominal = catalogue.nominal(s, goal, barrier)
+        nominal, alpha = catalogue.nominal(s, goal, barrier), catalogue.alpha(s)
         waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
         steps, dt, n = s.filter_steps, s.rates.filter_dt_s, s.rates.fdm_steps
         offsets = s.rates.fdm_dt_s * np.arange(1, n + 1)
@@ -114,11 +114,13 @@ class _Flight:
             if held is not None:
                 recorder.add("pairs", held | {"hdot_realised_mps": (true.h - h_before) / dt})
                 held = None
+            lie = true.lie(truth)
             _take_in(tally, t, decision, true, limits)
+            tally.admissible.update(t, _admissible(true, lie, alpha(true.h), limits))
             if step % s.rates.record_steps == 0:
                 recorder.add("vehicles", _vehicle_rows(t, truth, rates, wanted, decision, plant.telemetry()))
                 if i.size:
-                    held, h_before = _pair_rows(t, truth, decision, true), true.h
+                    held, h_before = _pair_rows(t, truth, decision, true, lie), true.h
             if self.progress is not None:
                 self.progress(t, s.duration_s)
             if step == steps:
@@ -199,11 +201,21 @@ def _vehicle_rows(
     return columns | telemetry
 
 
-def _pair_rows(t: float, truth: State, decision: Decision, true: PairValues) -> dict[str, np.ndarray]:
+def _admissible(true: PairValues, lie: tuple[Array, Array], alpha: Array, limits: Limits) -> Array:
+    """sup over U of hdot + alpha(h) for each pair inside the safe set, inf outside (P,): eq. (3)."""
+    low, high = limits.lower.array(), limits.upper.array()
+    best = alpha.copy()
+    for side, vehicle in zip(lie, (true.i, true.j), strict=True):
+        best += np.sum(np.maximum(side * low[vehicle], side * high[vehicle]), axis=-1)
+    return np.where(true.h >= 0.0, best, np.inf)
+
+
+def _pair_rows(
+    t: float, truth: State, decision: Decision, true: PairValues, lie: tuple[Array, Array]
+) -> dict[str, np.ndarray]:
     position = _position(truth)
-    lie_i, lie_j = true.lie(truth)
     u = decision.command.array()
-    predicted = np.sum(lie_i * u[true.i], axis=-1) + np.sum(lie_j * u[true.j], axis=-1)
+    predicted = np.sum(lie[0] * u[true.i], axis=-1) + np.sum(lie[1] * u[true.j], axis=-1)
     size = true.h.size
     return {
         "t_s": np.full(size, t),

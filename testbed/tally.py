@@ -45,6 +45,7 @@ class Tally:
 
     separation      per pair, m, at every FDM step
     h               per pair, the unmodified barrier at the true state, at every filter step
+    admissible      per pair, the most that hdot + alpha(h) can be made by inputs in U, where h >= 0
     command_margin  per vehicle, distance of the command inside its limits as a share of their range
     goal            per vehicle, m, closest approach to its goal at every FDM step
     passed          per vehicle, s, when it first came within the goal radius; nan if never
@@ -53,6 +54,7 @@ class Tally:
     vehicles: int
     separation: Extreme = field(init=False)
     h: Extreme = field(init=False)
+    admissible: Extreme = field(init=False)
     command_margin: Extreme = field(init=False)
     goal: Extreme = field(init=False)
     passed: Array = field(init=False)
@@ -64,7 +66,7 @@ class Tally:
 
     def __post_init__(self) -> None:
         pairs = self.vehicles * (self.vehicles - 1) // 2
-        self.separation, self.h = Extreme.of(pairs), Extreme.of(pairs)
+        self.separation, self.h, self.admissible = (Extreme.of(pairs) for _ in range(3))
         self.command_margin, self.goal = Extreme.of(self.vehicles), Extreme.of(self.vehicles)
         self.passed = np.full(self.vehicles, np.nan)
         self.override_steps = np.zeros(self.vehicles, dtype=int)
