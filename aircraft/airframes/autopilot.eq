@@ -1,0 +1,139 @@
+# The autopilot: ground speed, course rate and climb rate commands in, elevator, aileron and throttle out.
+#
+# `python -m aircraft.autopilot aircraft/airframes/x8` turns this file and the gains of that airframe.toml into
+# systems/autopilot.xml. Every name is a property ap/NAME (underscores become dashes), so every gain and every state
+# can be read and written; a name used before its line is a state and keeps its value between steps. States advance
+# as x = x + dt f, so the algebra can be evaluated at dt = 0 without moving them. SI, course and omega
+# counter-clockwise from east; roll, aileron and beta keep JSBSim's sign (right positive), elevator down positive.
+
+use dt = simulation/dt
+use true_airspeed_fps = velocities/vt-fps
+use qbar_psf = aero/qbar-psf
+use east_fps = velocities/v-east-fps
+use north_fps = velocities/v-north-fps
+use climb_fps = velocities/h-dot-fps
+use wind_east_fps = atmosphere/total-wind-east-fps
+use wind_north_fps = atmosphere/total-wind-north-fps
+use wind_down_fps = atmosphere/total-wind-down-fps
+use alpha_rad = aero/alpha-rad
+use beta_rad = aero/beta-rad
+use roll_rad = attitude/phi-rad
+use p_radps = velocities/p-rad_sec
+use q_radps = velocities/q-rad_sec
+use r_radps = velocities/r-rad_sec
+
+input on = 0
+input v_cmd_mps = 18
+input omega_cmd_radps = 0
+input zeta_cmd_mps = 0
+
+== measure ==
+tracking = 1 - on
+airspeed_mps = max(0.3048 * true_airspeed_fps, 5)
+# dynamic pressure times wing area: lift per unit of CL
+lift_per_cl_n = max(47.88025898 * qbar_psf * airframe_wing_area_m2, 1)
+east_mps = 0.3048 * east_fps
+north_mps = 0.3048 * north_fps
+v_mps = max(sqrt(east_mps * east_mps + north_mps * north_mps), 1)
+zeta_mps = 0.3048 * climb_fps
+# Sine of the angle between successive ground velocities over dt: no wrap, no division by zero.
+omega_radps = where(dt > 0, omega_radps + min(dt / turn_filter_s, 1) * ((east_last_mps * north_mps - north_last_mps * east_mps) / (v_mps * v_mps * max(dt, 1e-6)) - omega_radps), omega_radps)
+east_last_mps = east_mps
+north_last_mps = north_mps
+# Angle from the air-relative to the ground-relative velocity: the crab angle in a crosswind.
+air_east_mps = east_mps - 0.3048 * wind_east_fps
+air_north_mps = north_mps - 0.3048 * wind_north_fps
+per_speeds = 1 / max(v_mps * sqrt(air_east_mps * air_east_mps + air_north_mps * air_north_mps), 5)
+crab_cos = (air_east_mps * east_mps + air_north_mps * north_mps) * per_speeds
+crab_sin = (air_east_mps * north_mps - air_north_mps * east_mps) * per_speeds
+# Climb angle through the air.
+climb_sin = clip((zeta_mps + 0.3048 * wind_down_fps) / airspeed_mps, -0.6, 0.6)
+climb_cos = sqrt(1 - climb_sin * climb_sin)
+
+== track if tracking ==
+v_ref_mps = v_mps
+acceleration_ref_mps2 = 0
+zeta_ref_mps = zeta_mps
+zeta_dot_ref_mps2 = 0
+zeta_jerk_ref_mps3 = 0
+omega_ref_radps = omega_radps
+omega_dot_ref_radps2 = 0
+speed_integral_mps2 = 0
+climb_integral_mps2 = 0
+turn_integral_radps = 0
+bank_cos = cos(roll_rad)
+
+== envelope if on ==
+# Thrust available and drag in level flight at this bank, as accelerations.
+thrust_max_mps2 = airframe_thrust_area_m2 * lift_per_cl_n * airframe_motor_speed_mps * (airframe_motor_speed_mps / airspeed_mps - 1) / (airframe_wing_area_m2 * airspeed_mps * airframe_mass_kg)
+thrust_min_mps2 = -airframe_windmill_area_m2 * lift_per_cl_n / (airframe_wing_area_m2 * airframe_mass_kg)
+level_cl = 9.80665 * airframe_mass_kg / (lift_per_cl_n * bank_cos)
+level_drag_mps2 = lift_per_cl_n / airframe_mass_kg * (airframe_cd_0 + level_cl * (airframe_cd_1 + level_cl * airframe_cd_2))
+# Speed before climb rate: what thrust cannot pay for is taken from zeta once the speed has strayed by the slack,
+# and at once when the airspeed comes near its limits.
+speed_high_mps = v_mps - v_ref_mps
+zeta_max_mps = airspeed_mps / 9.80665 * (thrust_max_mps2 - level_drag_mps2 + envelope_exchange_per_s * min(envelope_slack_mps + speed_high_mps, airspeed_mps - envelope_airspeed_min_mps))
+zeta_min_mps = airspeed_mps / 9.80665 * (thrust_min_mps2 - level_drag_mps2 - envelope_exchange_per_s * min(envelope_slack_mps - speed_high_mps, envelope_airspeed_max_mps - airspeed_mps))
+zeta_allowed_mps = clip(zeta_cmd_mps, zeta_min_mps, zeta_max_mps)
+limited_zeta = zeta_allowed_mps != zeta_cmd_mps
+# Turn rate is clipped before bank: the bank that the wing can carry at this airspeed, with a load factor in reserve.
+load_max = max(lift_per_cl_n * envelope_cl_max / (airframe_mass_kg * 9.80665 * envelope_load_reserve), 1.02)
+omega_max_radps = 9.80665 * min(sqrt(load_max * load_max - 1), envelope_bank_tan_max) / v_mps
+omega_allowed_radps = clip(omega_cmd_radps, -omega_max_radps, omega_max_radps)
+limited_omega = omega_allowed_radps != omega_cmd_radps
+
+== reference if on ==
+zeta_jerk_dot_mps4 = climb_filter_radps * (climb_filter_radps * (clip(climb_bandwidth_radps * (zeta_allowed_mps - zeta_ref_mps), -climb_push_mps2, min(climb_pull_mps2, 9.80665 * (load_max - 1))) - zeta_dot_ref_mps2) - 2 * climb_filter_damping * zeta_jerk_ref_mps3)
+zeta_jerk_ref_mps3 = zeta_jerk_ref_mps3 + dt * zeta_jerk_dot_mps4
+zeta_dot_ref_mps2 = zeta_dot_ref_mps2 + dt * zeta_jerk_ref_mps3
+zeta_ref_mps = zeta_ref_mps + dt * zeta_dot_ref_mps2
+omega_ddot_ref_radps3 = turn_bandwidth_radps * (turn_bandwidth_radps * (omega_allowed_radps - omega_ref_radps) - 2 * turn_damping * omega_dot_ref_radps2)
+omega_dot_ref_radps2 = omega_dot_ref_radps2 + dt * omega_ddot_ref_radps3
+omega_ref_radps = omega_ref_radps + dt * omega_dot_ref_radps2
+# Acceleration: what thrust leaves after the climb, some always kept for speed, and airspeed limits above all.
+acceleration_wanted_mps2 = speed_bandwidth_radps * (v_cmd_mps - v_ref_mps)
+acceleration_target_mps2 = clip(clip(acceleration_wanted_mps2, min(thrust_min_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, -speed_reserved_mps2), max(thrust_max_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, speed_reserved_mps2)), envelope_exchange_per_s * (envelope_airspeed_min_mps - airspeed_mps), envelope_exchange_per_s * (envelope_airspeed_max_mps - airspeed_mps))
+limited_v = acceleration_target_mps2 != acceleration_wanted_mps2
+acceleration_dot_mps3 = (acceleration_target_mps2 - acceleration_ref_mps2) / speed_filter_s
+acceleration_ref_mps2 = acceleration_ref_mps2 + dt * acceleration_dot_mps3
+v_ref_mps = clip(v_ref_mps + dt * acceleration_ref_mps2, v_mps - speed_window_mps, v_mps + speed_window_mps)
+
+== fly if on ==
+# Corrections on the model's error: reference minus measured.
+v_error_mps = v_ref_mps - v_mps
+zeta_error_mps = zeta_ref_mps - zeta_mps
+omega_error_radps = omega_ref_radps - omega_radps
+climb_integral_mps2 = clip(climb_integral_mps2 + dt * climb_integral_per_s2 * zeta_error_mps, -3, 3)
+turn_integral_radps = clip(turn_integral_radps + dt * turn_integral_per_s * omega_error_radps, -0.15, 0.15)
+zeta_dot_mps2 = zeta_dot_ref_mps2 + climb_feedback_per_s * zeta_error_mps + climb_integral_mps2
+# Lift that holds the path up, over m: from it the bank for the sideways force and the angle of attack.
+path_mps2 = max(9.80665 * climb_cos * climb_cos + zeta_dot_mps2, 3)
+left_mps2 = v_mps * (omega_ref_radps + turn_feedback * omega_error_radps + turn_integral_radps) * crab_cos + acceleration_ref_mps2 * crab_sin
+bank_tan = clip(-left_mps2 * climb_cos / path_mps2, -envelope_bank_tan_max, envelope_bank_tan_max)
+bank_cos = 1 / sqrt(1 + bank_tan * bank_tan)
+bank_rad = atan(bank_tan)
+# Roll rate of the reference, led by the servo's and the roll mode's lags.
+roll_rate_rad_s = -v_mps * bank_cos * bank_cos / path_mps2 * (omega_dot_ref_radps2 + (turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps) * omega_ddot_ref_radps3) + turn_bank_feedback_per_s * (bank_rad - roll_rad)
+aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_rad_s + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -0.5, 0.5)
+# Angle of attack for the lift, elevator to trim it, to pitch along the path and to change it.
+lift_cl = path_mps2 * airframe_mass_kg / (climb_cos * bank_cos * lift_per_cl_n)
+alpha_ref_rad = clip((lift_cl - airframe_cl_0) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
+alpha_per_mps2 = airframe_mass_kg / (bank_cos * lift_per_cl_n * airframe_cl_alpha)
+q_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3 + (path_mps2 / (climb_cos * bank_cos) - 9.80665 * climb_cos * bank_cos) / airspeed_mps
+q_dot_ref_radps2 = alpha_per_mps2 * zeta_jerk_dot_mps4 + zeta_jerk_ref_mps3 / airspeed_mps
+elevator_rad = clip(airframe_elevator_0_rad + airframe_elevator_per_alpha * (alpha_ref_rad + climb_servo_lead_s * alpha_per_mps2 * zeta_jerk_ref_mps3) + airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) / airspeed_mps + (airframe_elevator_per_qdot_n * q_dot_ref_radps2 - climb_alpha_feedback_n * (alpha_ref_rad - alpha_rad) - climb_q_feedback_ns * (q_ref_radps - q_radps)) / lift_per_cl_n, -0.5, 0.5)
+# Thrust for the acceleration along the air-relative path, for drag, for weight; led by the motor's lag.
+speed_integral_mps2 = where(throttle_free > 0, clip(speed_integral_mps2 + dt * speed_integral_per_s2 * v_error_mps, -2, 2), speed_integral_mps2)
+ahead_mps2 = (acceleration_ref_mps2 + speed_feedback_per_s * v_error_mps + speed_integral_mps2) * crab_cos - v_mps * omega_ref_radps * crab_sin
+drag_mps2 = lift_per_cl_n / airframe_mass_kg * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2))
+thrust_mps2 = drag_mps2 + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
+# The throttle that gives it: T = k Vd (Vd - Va) solved for Vd, and a straight line to the windmilling propeller.
+thrust_per_speed2_mps2 = airframe_thrust_area_m2 * lift_per_cl_n / (airframe_wing_area_m2 * airframe_mass_kg * airspeed_mps * airspeed_mps)
+knee_mps = airframe_windmill_throttle * (airframe_motor_speed_mps - airspeed_mps)
+thrust_knee_mps2 = thrust_per_speed2_mps2 * (airspeed_mps + knee_mps) * knee_mps
+throttle_wanted = where(thrust_mps2 > thrust_knee_mps2, (sqrt(airspeed_mps * airspeed_mps + 4 * max(thrust_mps2, 0) / thrust_per_speed2_mps2) - airspeed_mps) / (2 * (airframe_motor_speed_mps - airspeed_mps)), airframe_windmill_throttle * (thrust_mps2 - thrust_min_mps2) / (thrust_knee_mps2 - thrust_min_mps2))
+throttle = clip(throttle_wanted, 0, 1)
+throttle_free = throttle == throttle_wanted
+elevator_norm = elevator_rad / airframe_elevator_norm_rad -> fcs/elevator-cmd-norm
+aileron_norm = aileron_rad / airframe_aileron_norm_rad -> fcs/aileron-cmd-norm
+throttle_norm = throttle -> fcs/throttle-cmd-norm

@@ -1,0 +1,139 @@
+"""KinematicFleet: the unicycle the guarantee is proved on, and the same with identified lags, delays and rates.
+
+The plain unicycle does what it is told, over the ground, whatever the wind. With lags the commands are tracked
+as an autopilot would: the lagged states are ground speed, course rate and climb rate, and a change of wind carries
+the vehicle at once, until the channels have corrected it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from filters.unicycle import Array, Command, State, step
+
+
+@dataclass(frozen=True)
+class Lag:
+    """One channel: first-order lag [s] after a pure delay [s], its rate within [rate_min, rate_max] per second."""
+
+    time_constant_s: float = 0.0
+    delay_s: float = 0.0
+    rate_min: float = -math.inf
+    rate_max: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (self.time_constant_s >= 0 and self.delay_s >= 0 and self.rate_min < 0 < self.rate_max):
+            raise ValueError(f"a lag needs times >= 0 and rate_min < 0 < rate_max, got {self}")
+
+
+class KinematicFleet:
+    """N unicycles; a Plant (see `aircraft.plant`).
+
+    vehicles     N
+    dt           period [s]
+    lags         (v, omega, zeta) for all vehicles; None tracks commands perfectly, the exact arc
+    start_speed  ground speed at t = 0 [m/s], one or (N,); without lags the first command replaces it
+    start_wind   wind at t = 0 [m/s], (3,) or (N, 3)
+    """
+
+    def __init__(
+        self,
+        vehicles: int,
+        dt: float = 0.005,
+        lags: Sequence[Lag] | None = None,
+        start_speed: float | Array = 20.0,
+        start_wind: Array | Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        if vehicles < 1:
+            raise ValueError("a fleet needs at least one vehicle")
+        if not dt > 0:
+            raise ValueError(f"the period must be positive, got {dt} s")
+        if lags is not None and len(lags) != 3:
+            raise ValueError(f"lags are for v, omega and zeta: three, got {len(lags)}")
+        self.dt = dt
+        self.lags = None if lags is None else tuple(lags)
+        self._vehicles = vehicles
+        self._start_speed = np.broadcast_to(np.asarray(start_speed, dtype=float), (vehicles,))
+        self._start_wind = np.broadcast_to(np.asarray(start_wind, dtype=float), (vehicles, 3))
+
+    def reset(self, state: State, rng: np.random.Generator) -> None:
+        """Start at `state` (N,), straight and level at the start speed. `rng` is not used."""
+        if len(state) != self._vehicles:
+            raise ValueError(f"{self._vehicles} vehicles cannot start at {len(state)} poses")
+        if not np.all(state.isfinite()):
+            raise ValueError(f"the start must be finite, got {state}")
+        self._state = State.of(state.array().copy())
+        self._rates = np.stack([self._start_speed, np.zeros(len(state)), np.zeros(len(state))], axis=-1)
+        self._wind = self._start_wind.copy()
+        if self.lags:
+            # The commands of the last periods, oldest first: what a channel still has to hear.
+            self._late = [
+                deque([self._rates[:, k].copy()] * round(lag.delay_s / self.dt))
+                for k, lag in enumerate(self.lags)
+            ]
+
+    def step(self, command: Command, wind: Array, n: int) -> Array:
+        """Fly `command` (N,) for n periods in `wind` (N, 3); positions (n, N, 3) after each. NaN is refused."""
+        wind = np.broadcast_to(np.asarray(wind, dtype=float), (self._vehicles, 3))
+        if not (np.all(command.isfinite()) and np.all(np.isfinite(wind))):
+            raise ValueError(f"command and wind must be finite, got {command} in {wind}")
+        asked = np.broadcast_to(command.array(), (self._vehicles, 3))
+        track = np.empty((n, self._vehicles, 3))
+        if self.lags:
+            self._carry(wind)
+        for k in range(n):
+            if self.lags:
+                flown = Command.of(self._lagged(asked))
+            else:
+                self._rates = asked.copy()
+                flown = Command.of(asked)
+            self._state = step(self._state, flown, self.dt)
+            track[k] = self._state.array()[:, [0, 1, 3]]
+        return track
+
+    def _carry(self, wind: Array) -> None:
+        """A change of wind adds to the ground velocity; speed, course and climb rate follow from the sum."""
+        change = wind - self._wind
+        self._wind = wind.copy()
+        v, theta = self._rates[:, 0], self._state.theta
+        east, north = v * np.cos(theta) + change[:, 0], v * np.sin(theta) + change[:, 1]
+        turned = np.remainder(np.arctan2(north, east) - theta + np.pi, 2 * np.pi) - np.pi
+        blown = np.any(change != 0, axis=1)
+        self._rates[:, 0] = np.where(blown, np.hypot(east, north), v)
+        self._rates[:, 2] += change[:, 2]
+        self._state = State(
+            self._state.x, self._state.y, np.where(blown, theta + turned, theta), self._state.z
+        )
+
+    def _lagged(self, asked: Array) -> Array:
+        """Advance the channels one period; returns the mean rates flown over it (N, 3)."""
+        before = self._rates.copy()
+        for k, (lag, late) in enumerate(zip(self.lags or (), self._late, strict=True)):
+            late.append(asked[:, k].copy())
+            target = late.popleft()
+            gap = target - before[:, k]
+            # Exact for a constant target; a pure rate limit when there is no lag.
+            move = gap * -math.expm1(-self.dt / lag.time_constant_s) if lag.time_constant_s > 0 else gap
+            self._rates[:, k] += np.clip(move, lag.rate_min * self.dt, lag.rate_max * self.dt)
+        return 0.5 * (before + self._rates)
+
+    def state(self) -> State:
+        """Poses (N,)."""
+        return self._state
+
+    def achieved(self) -> Command:
+        """Ground speed, course rate and climb rate (N,)."""
+        return Command.of(self._rates)
+
+    def telemetry(self) -> dict[str, Array]:
+        """Nothing: a unicycle has no attitude."""
+        return {}
+
+    def faults(self) -> list[str]:
+        """A unicycle has none."""
+        return [""] * self._vehicles
