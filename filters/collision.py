@@ -57,9 +57,9 @@ class Passthrough:
     """No filter: the nominal commands clipped to the limits, status NONE."""
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
-        problem = Problem(*_arrays(view, nominal, limits))
+        problem = Problem(*input_set(view, nominal, limits))
         none = np.zeros(len(problem.target))
-        return _decision(problem, problem.clipped(), none.astype(int), none, None, np.zeros(0))
+        return decision(problem, problem.clipped(), none.astype(int), none, None, np.zeros(0))
 
 
 class CollisionFilter:
@@ -81,14 +81,15 @@ class CollisionFilter:
         mode: Literal["centralised", "limited"] = "centralised",
         shared: bool = True,
     ) -> None:
-        if isinstance(barrier, Sequence):
+        own = tuple(barrier) if isinstance(barrier, Sequence) else getattr(barrier, "barriers", ())
+        if own:
             if shared:
                 raise ValueError(
-                    f"{len(barrier)} barriers with a manoeuvre each break the shared-manoeuvre assumption "
+                    f"{len(own)} barriers with a manoeuvre each break the shared-manoeuvre assumption "
                     "(Squires et al. 2022, Assumption 1): their rows may contradict each other inside the "
                     "safe set; give one barrier for all pairs, or say shared=False to study just that"
                 )
-            barrier = PerPair(tuple(barrier))
+            barrier = PerPair(own)
         if mode not in ("centralised", "limited"):
             raise ValueError(f"mode is 'centralised' or 'limited', not {mode!r}")
         self.barrier, self.alpha, self.mode = barrier, alpha, mode
@@ -103,7 +104,7 @@ class CollisionFilter:
         Raises  ValueError if a nominal command, FloatingPointError if a barrier, is not finite; ValueError in
                 limited mode if the barrier has no manoeuvre.
         """
-        target, lower, upper = _arrays(view, nominal, limits)
+        target, lower, upper = input_set(view, nominal, limits)
         rows = self.rows(view)
         problem = Problem(target, lower, upper, self.barrier)
         if self.mode == "centralised":
@@ -112,7 +113,7 @@ class CollisionFilter:
             u, status, residual = problem.limited(limited_rows(self.barrier, rows, len(target)))
         else:
             u, status, residual = problem.limited(observed_rows(self.barrier, self.alpha, view))
-        return _decision(problem, u, status, residual, rows.pairs, rows.left(u))
+        return decision(problem, u, status, residual, rows.pairs, rows.left(u))
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,8 +214,11 @@ def _groups(n: int, i: Array, j: Array) -> NDArray[np.int_]:
     return np.asarray(label)
 
 
-def _arrays(view: View, nominal: Command, limits: Limits) -> tuple[Array, Array, Array]:
-    """u_hat, lower and upper, all (N, 3)."""
+def input_set(view: View, nominal: Command, limits: Limits) -> tuple[Array, Array, Array]:
+    """u_hat, lower and upper, all (N, 3).
+
+    Raises ValueError naming the vehicle whose nominal command is not finite, or if counts disagree.
+    """
     n = len(view.state)
     target = nominal.array()
     if target.shape != (n, 3):
@@ -229,7 +233,7 @@ def _arrays(view: View, nominal: Command, limits: Limits) -> tuple[Array, Array,
     )
 
 
-def _decision(
+def decision(
     problem: Problem,
     u: Array,
     status: NDArray[np.int_],
@@ -237,6 +241,7 @@ def _decision(
     pairs: PairValues | None,
     hdot: Array,
 ) -> Decision:
+    """The decision to fly `u` (N, 3), with what that changed; hdot (P,) is L_g h u of `pairs`."""
     beyond = np.abs(u - problem.clipped()).max(-1)
     override = np.abs(u - problem.target).max(-1) > OVERRIDE
     return Decision(Command.of(u), status, residual, override, beyond, pairs, hdot)
