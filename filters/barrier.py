@@ -150,8 +150,8 @@ class StraightBarrier:
     d_safe  m, separation to keep
     form    "root" (h in m) or "squared" (h in m^2)
     Raises  ValueError naming two vehicles whose speeds and climb rates are both equal: at equal headings
-            their range never changes, at nearly equal ones it can shrink to 0, so h would jump; also for parameters
-            out of range.
+            their range never changes, at nearly equal ones it can shrink to 0, so h would jump; also for
+            parameters out of range.
     Source  Squires et al. 2022, Example 2 and appendix, with the zeta terms the appendix omits from a and b.
     """
 

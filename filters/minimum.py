@@ -49,8 +49,8 @@ def global_minimum(
 
     On a cell of width w with |f''| <= M, f lies above the parabola of second derivative M through the cell's
     ends. A cell whose parabola stays above the best sample cannot hold the minimum and is dropped; the others
-    are halved. The parabola sinks at most M w^2/8 below the ends, so this stops, with the best sample within the
-    resolution of the infimum.
+    are halved. The parabola sinks at most M w^2/8 below the ends, so this stops, with the best sample within
+    the resolution of the infimum.
     """
     n = np.arange(len(end))
     times = end[:, np.newaxis] * np.linspace(0.0, 1.0, FIRST_CELLS + 1)

@@ -1,0 +1,267 @@
+"""The general construction: the oracle of the closed forms, and barriers for mixed manoeuvres."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from filters.barrier import EuclideanBarrier, ForwardDifference, StraightBarrier, TurnBarrier, all_pairs
+from filters.minimum import global_minimum
+from filters.rollout import PremiseNotMet, RolloutBarrier
+from filters.safety import SquaredRange
+from filters.unicycle import Command, State, step
+
+DS = 5.0
+MIXED = Command(
+    [16.0, 20.0, 15.0, 18.0, 24.0, 17.0, 21.0, 16.0],
+    [0.2, -0.2, 0.1, 0.0, 0.0, 0.15, -0.1, 0.4],
+    [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.0],
+)
+
+
+def random_state(rng, n, reach=200.0):
+    planar = rng.uniform(-reach, reach, (2, n))
+    return State(*planar, rng.uniform(-4, 4, n), rng.uniform(-5, 5, n))
+
+
+def assert_agrees(rollout, closed, state, i, j):
+    got, want = rollout.values(state, i, j), closed.values(state, i, j)
+    np.testing.assert_allclose(got.h, want.h, rtol=1e-12, atol=1e-8)
+    size = np.max(np.abs(want.grad), axis=1, keepdims=True)
+    assert np.max(np.abs(got.grad - want.grad) / size) < 1e-8
+
+
+# 400 vehicles as 200 disjoint pairs
+I, J = np.arange(0, 400, 2), np.arange(1, 400, 2)
+
+
+@pytest.mark.parametrize("form", ["root", "squared"])
+@pytest.mark.parametrize("omega", [0.2042, -0.15])
+@pytest.mark.parametrize(("delta", "sigma"), [(0.0, 1.0), (0.01, 1.0), (0.5, 0.8), (0.0, 1.3)])
+def test_rollout_agrees_with_turn_on_200_random_pairs(form, omega, delta, sigma):
+    ratio = np.where(np.arange(400) % 2, 1.0, sigma)
+    closed = TurnBarrier(16.0, omega, DS, delta=delta, sigma=ratio, form=form)
+    # the pairs' turns share one period, so the manoeuvre of all 400 passes as that of each pair does
+    rollout = RolloutBarrier(closed.manoeuvre(400), DS, SquaredRange(delta), form)
+    assert_agrees(rollout, closed, random_state(np.random.default_rng(20), 400), I, J)
+
+
+@pytest.mark.parametrize("form", ["root", "squared"])
+@pytest.mark.parametrize("climb", [0.0, 3.0])
+def test_rollout_agrees_with_straight_on_200_random_pairs(form, climb):
+    rng = np.random.default_rng(21)
+    closed = StraightBarrier(16 + 8 * rng.random(400), climb * rng.uniform(-1, 1, 400), DS, form)
+    rollout = RolloutBarrier(closed.manoeuvre(400), DS, form=form)
+    assert_agrees(rollout, closed, random_state(rng, 400), I, J)
+
+
+def test_rollout_agrees_with_a_fine_grid_for_mixed_manoeuvres():
+    barrier = RolloutBarrier(MIXED, DS)
+    rng = np.random.default_rng(22)
+    n = len(MIXED)
+    for _ in range(5):
+        state = random_state(rng, n)
+        values = barrier.values(state)
+        tau = np.linspace(0.0, 300.0, 60001)[:, np.newaxis]
+        for p, (i, j) in enumerate(zip(*all_pairs(n), strict=True)):
+
+            def distance(t, state=state, i=i, j=j):
+                a, b = step(state[[i]], MIXED[[i]], t), step(state[[j]], MIXED[[j]], t)
+                return np.sqrt((a.x - b.x) ** 2 + (a.y - b.y) ** 2 + (a.z - b.z) ** 2)
+
+            coarse = tau[np.argmin(distance(tau))]
+            fine = distance(coarse + np.linspace(-np.minimum(coarse[0], 0.006), 0.006, 20001))
+            if fine.min() > 0.1 * DS:
+                assert values.h[p] == pytest.approx(fine.min() - DS, abs=1e-6)
+
+
+def test_gradient_agrees_with_differences_for_mixed_manoeuvres():
+    barrier = RolloutBarrier(MIXED, DS, SquaredRange(0.1))
+    state = random_state(np.random.default_rng(23), len(MIXED))
+    analytic = barrier.values(state).grad
+    differenced = ForwardDifference(barrier, 1e-6).values(state).grad
+    # a step of 1e-6 errs by half of it times the second derivative, up to 1e3 m/rad^2 here
+    np.testing.assert_allclose(differenced, analytic, atol=1e-3, rtol=1e-5)
+
+
+def test_the_manoeuvre_never_loses_h_and_h_rises_only_when_the_worst_is_now():
+    barrier = RolloutBarrier(MIXED, DS)
+    state = random_state(np.random.default_rng(24), len(MIXED))
+    values, when = barrier.values(state), barrier.worst_time(state)
+    lie_i, lie_j = values.lie(state)
+    gamma = MIXED.array()
+    product = np.sum(lie_i * gamma[values.i] + lie_j * gamma[values.j], axis=1)
+    size = np.linalg.norm(np.hstack([lie_i, lie_j]), axis=1)
+    assert np.all(product >= -1e-9 * size)
+    assert np.all(np.abs(product[when != 0]) <= 1e-9 * size[when != 0])
+    assert np.any(product[when == 0] > 0.1)
+
+
+def test_a_deep_narrow_minimum_late_in_a_long_period_is_found():
+    # Rates of ratio 31 : 32 close after 31 and 32 turns; the pair is made to meet in the middle of them.
+    gamma = Command([16.0, 16.0], [0.31, 0.32], 0.0)
+    meet = State.of([[0.0, 0.0, 0.3, 0.0], [0.0, 0.0, 1.9, 1.0]])
+    period = 2 * np.pi / 0.01
+    start = step(meet, gamma, -0.57 * period)
+    barrier = RolloutBarrier(gamma, 0.5)
+    assert barrier.values(start).h[0] == pytest.approx(0.5, abs=1e-9)
+    assert np.hypot(start.x[0] - start.x[1], start.y[0] - start.y[1]) > 20
+
+
+def test_a_straight_flyer_meets_a_turning_one_only_within_the_horizon():
+    gamma = Command([16.0, 20.0], [0.2, 0.0], 0.0)
+    meet = State.of([[0.0, 0.0, 0.3, 0.0], [0.0, 0.0, 1.9, 2.0]])
+    start = step(meet, gamma, -40.0)
+    barrier = RolloutBarrier(gamma, 1.0)
+    assert barrier.values(start).h[0] == pytest.approx(1.0, abs=1e-9)
+    assert barrier.worst_time(start)[0] == pytest.approx(40.0, abs=1e-9)
+    past = step(meet, gamma, 1.0)
+    assert barrier.worst_time(past)[0] == 0.0
+
+
+def test_the_three_vehicle_counterexample_with_each_pair_its_own_manoeuvre():
+    ds, r = 0.5, 1.0
+    psi = np.arccos((ds / 2 + 2 * r) / (2 * r + ds))
+    across, up = (2 * r + ds) * np.sin(psi), (2 * r + ds) * np.cos(psi) - 2 * r
+    state = State.of([[0, 0, 0, 0], [across, up, np.pi, 0], [across, -up, np.pi, 0]])
+    right = RolloutBarrier(Command(np.ones(3), -1.0, 0.0), ds).values(state).h
+    left = RolloutBarrier(Command(np.ones(3), 1.0, 0.0), ds).values(state).h
+    np.testing.assert_allclose([right[0], left[1], left[2]], 0.0, atol=1e-10)
+    # one turning left and one right: neither closed form has it
+    mixed = RolloutBarrier(Command(np.ones(3), [1.0, -1.0, -1.0], 0.0), ds)
+    assert np.all(np.isfinite(mixed.values(state).h))
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """Squared range with the vertical counted `k` times: a safety function of a user's own."""
+
+    k: float
+
+    def value(self, a, b):
+        return (a.x - b.x) ** 2 + (a.y - b.y) ** 2 + self.k * (a.z - b.z) ** 2 - DS**2
+
+    def gradient(self, a, b):
+        g = [2 * (a.x - b.x), 2 * (a.y - b.y), np.zeros_like(a.x), 2 * self.k * (a.z - b.z)]
+        return np.stack([*g, *(-x for x in g)], axis=-1)
+
+    def reach(self, value):
+        return np.sqrt(np.maximum(value + DS**2, 0.0) / min(1.0, self.k))
+
+    def curvature(self, motion):
+        # d^2 |p|^2 = 2 |p'|^2 + 2 p . p'', at most k times as much
+        bend = motion.largest_speed**2 + motion.largest_range * motion.largest_acceleration
+        return 2 * max(1.0, self.k) * bend
+
+
+def test_a_safety_function_of_ones_own_is_minimised_as_it_is():
+    barrier = RolloutBarrier(MIXED, DS, Ellipsoid(4.0), form="plain", resolution=1e-11)
+    state = random_state(np.random.default_rng(25), len(MIXED))
+    values = barrier.values(state)
+    tau = np.linspace(0.0, 300.0, 300001)[:, np.newaxis]
+    for p, (i, j) in enumerate(zip(*all_pairs(len(MIXED)), strict=True)):
+        a, b = step(state[[i]], MIXED[[i]], tau), step(state[[j]], MIXED[[j]], tau)
+        grid = np.min(Ellipsoid(4.0).value(a, b))
+        # on a grid of 1 ms the minimum is missed by up to M dt^2/8, M up to 1e4 m^2/s^2
+        assert grid - 5e-3 <= values.h[p] <= grid + 1e-9
+    differenced = ForwardDifference(barrier, 1e-6).values(state)
+    np.testing.assert_allclose(differenced.grad, values.grad, rtol=1e-4, atol=1e-1)
+
+
+def test_both_straight_with_one_velocity_keep_their_distance():
+    gamma = Command([16.0, 16.0], 0.0, 1.0)
+    state = State.of([[0.0, 0.0, 0.7, 0.0], [12.0, 5.0, 0.7, 0.0]])
+    values = RolloutBarrier(gamma, DS).values(state)
+    assert values.h[0] == pytest.approx(8.0, abs=1e-12)
+    np.testing.assert_allclose(values.grad, EuclideanBarrier(DS).values(state).grad, atol=1e-14)
+
+
+def test_parallel_flight_is_cheap_though_every_instant_is_a_minimum():
+    n = 20
+    state = State(np.arange(n) * 20.0, 0.0, 0.4, 0.0)
+    barrier = RolloutBarrier(Command(np.full(n, 16.0), 0.2042, 0.0), DS)
+    start = time.perf_counter()
+    values = barrier.values(state)
+    assert time.perf_counter() - start < 1.0  # 5 ms when healthy, minutes when every cell must be halved
+    np.testing.assert_allclose(values.h, 20.0 * (values.j - values.i) - DS, atol=1e-9)
+
+
+def test_orbits_that_never_close_are_refused_naming_the_pair_and_the_reason():
+    with pytest.raises(PremiseNotMet, match=r"vehicles 2 and 3 .* does not close"):
+        RolloutBarrier(Command([16.0, 16.0, 16.0], [0.0, 0.2, 0.2 * np.sqrt(2)], 0.0), DS)
+    with pytest.raises(PremiseNotMet, match="p, q <= 64"):
+        RolloutBarrier(Command([16.0, 16.0], [0.2, 0.2 * 64 / 65], 0.0), DS)
+    # with different climb rates they part, and the infimum exists
+    gamma = Command([16.0, 16.0], [0.2, 0.2 * np.sqrt(2)], [0.0, 1.0])
+    state = random_state(np.random.default_rng(26), 2, 60.0)
+    assert np.isfinite(RolloutBarrier(gamma, DS).values(state).h[0])
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: RolloutBarrier(Command([16.0, 0.0], 0.1, 0.0), DS), "finite v > 0"),
+        (lambda: RolloutBarrier(Command([16.0, np.nan], 0.1, 0.0), DS), "finite v > 0"),
+        (lambda: RolloutBarrier(MIXED, -1.0), "d_safe"),
+        (lambda: RolloutBarrier(MIXED, DS, form="cube"), "unknown form"),
+        (lambda: RolloutBarrier(MIXED, DS, resolution=0.0), "resolution"),
+        (lambda: RolloutBarrier(MIXED, DS).manoeuvre(3), "gamma has 8"),
+    ],
+)
+def test_mistakes_are_refused_with_the_reason(make, reason):
+    with pytest.raises(ValueError, match=reason):
+        make()
+
+
+number = st.floats(-1e5, 1e5)
+wild = st.tuples(number, number, st.floats(-10, 10), number)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    a=wild, b=wild, which=st.sampled_from([(0, 0), (0, 1), (0, 3), (3, 4), (3, 3), (4, 6), (5, 7), (6, 6)])
+)
+@example(a=(0.0, 0.0, 0.0, 0.0), b=(0.0, 0.0, 0.0, 0.0), which=(3, 3))
+@example(a=(0.0, 0.0, 0.0, 0.0), b=(0.0, 0.0, 0.0, 0.0), which=(0, 0))
+@example(a=(0.0, 0.0, 0.0, 0.0), b=(0.0, 0.0, 1e-9, 0.0), which=(3, 3))
+@example(a=(1e5, 0.0, 0.0, 0.0), b=(-1e5, 0.0, np.pi, 0.0), which=(0, 3))
+def test_value_and_gradient_are_finite_everywhere(a, b, which):
+    values = RolloutBarrier(MIXED[list(which)], DS, SquaredRange(0.01)).values(State.of([a, b]))
+    assert np.all(np.isfinite(values.h))
+    assert np.all(np.isfinite(values.grad))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.data())
+def test_no_minimum_of_a_random_trigonometric_sum_is_missed(data):
+    k = np.arange(1, 6)
+    amplitude = np.array(data.draw(st.lists(st.floats(0, 10), min_size=5, max_size=5)))
+    phase = np.array(data.draw(st.lists(st.floats(-4, 4), min_size=5, max_size=5)))
+
+    def value(p, t):
+        return np.sum(amplitude * np.cos(k * t[..., np.newaxis] + phase), axis=-1)
+
+    def slope(p, t):
+        return np.sum(-k * amplitude * np.sin(k * t[..., np.newaxis] + phase), axis=-1)
+
+    bound = np.array([np.sum(amplitude * k**2)])
+    one = np.ones(1)
+    tau = global_minimum(value, slope, bound, 2 * np.pi * one, np.array([True]), one, 1e-13)
+    grid = value(None, np.linspace(0, 2 * np.pi, 20001))
+    assert value(None, tau)[0] <= grid.min() + 1e-11 * (1 + bound[0])
+
+
+def test_lists_of_manoeuvres_have_one_period_where_their_rates_are_small_multiples():
+    gamma = Command(np.full(4, 16.0), [0.1, 0.2, -0.3, 0.25], 0.0)
+    state = random_state(np.random.default_rng(27), 4)
+    barrier = RolloutBarrier(gamma, DS)
+    h = [barrier.values(step(state, gamma, t)).h for t in (0.0, 3.0, 11.0)]
+    # along closed orbits h is constant
+    for one, other in pairwise(h):
+        np.testing.assert_allclose(other, one, atol=1e-9)
