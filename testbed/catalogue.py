@@ -156,11 +156,11 @@ def plant(s: Scenario) -> Plant:
 
 
 def _airframes(s: Scenario) -> list[Any]:
-    from aircraft.airframe import AirframeError, load
+    from aircraft.airframe import load
 
     try:
         known = {name: load(name) for name in sorted(set(s.airframes))}
-    except AirframeError as error:
+    except (FileNotFoundError, ValueError) as error:
         raise UserError(f"airframes: {error}") from None
     return [known[s.airframes[i % len(s.airframes)]] for i in range(s.vehicles)]
 
