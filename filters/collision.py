@@ -98,6 +98,10 @@ class CollisionFilter:
         """The rows of all pairs, from what each vehicle knows of itself."""
         return barrier_rows(self.barrier, self.alpha, view.own().state)
 
+    def gamma(self, n: int) -> Array | None:
+        """The shared evading manoeuvre (N, 3), or None if the barrier has none."""
+        return _manoeuvre(self.barrier, n)
+
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
         """The nearest safe commands to `nominal` (N,) inside `limits` () or (N,).
 

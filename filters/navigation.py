@@ -21,10 +21,10 @@ class NavigationFilter:
     """Each vehicle descends V = gamma / (gamma^k + beta)^(1/k), computed from its own view.
 
     gamma is the squared distance to the goal plus `path_gain` times the squared distance to the line from
-    start to goal (which fades within `path_radius` of the goal). beta is the product of one factor per vehicle
-    sensed, 0 in contact and 1 beyond `vehicle_radius + vehicle_margin`, and of factors that keep the vehicle
-    inside a disc about the origin. The swirl adds to the gradient, for each vehicle sensed, a share of its
-    length across the line of sight, so that head-on vehicles pass each other on one side.
+    start to goal, which fades within `path_radius` of the goal. beta is the product of one factor for each
+    vehicle sensed, 0 in contact and 1 beyond `vehicle_radius + vehicle_margin`, and of factors that keep the
+    vehicle inside a disc about the origin. The swirl adds to the gradient, for each vehicle sensed, a share
+    of its length across the line of sight, so that head-on vehicles pass each other on one side.
 
     goal, start      (N, 2) or (N, 3) m; only x and y are used
     speed            m/s, what every vehicle flies
