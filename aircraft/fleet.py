@@ -99,11 +99,11 @@ class JsbsimFleet:
 
     def state(self) -> State:
         """Poses (N,): course and east-north-up position, the truth."""
-        return State.of(self._pose)
+        return State.of(self._pose.copy())
 
     def achieved(self) -> Command:
         """Ground speed, course rate and climb rate (N,)."""
-        return Command.of(self._rates)
+        return Command.of(self._rates.copy())
 
     def telemetry(self) -> dict[str, Array]:
         """The channels of `aircraft.fdm.TELEMETRY`, name -> (N,)."""

@@ -17,6 +17,7 @@ use wind_north_fps = atmosphere/total-wind-north-fps
 use wind_down_fps = atmosphere/total-wind-down-fps
 use alpha_rad = aero/alpha-rad
 use beta_rad = aero/beta-rad
+use side_load = accelerations/Ny
 use roll_rad = attitude/phi-rad
 use p_radps = velocities/p-rad_sec
 use q_radps = velocities/q-rad_sec
@@ -26,6 +27,10 @@ input on = 0
 input v_cmd_mps = 18
 input omega_cmd_radps = 0
 input zeta_cmd_mps = 0
+# Added to the outputs: where a loop's frequency response is measured.
+input elevator_probe = 0
+input aileron_probe = 0
+input throttle_probe = 0
 
 == measure ==
 tracking = 1 - on
@@ -52,12 +57,16 @@ climb_cos = sqrt(1 - climb_sin * climb_sin)
 
 == track if tracking ==
 v_ref_mps = v_mps
+v_plan_mps = v_mps
 acceleration_ref_mps2 = 0
 zeta_ref_mps = zeta_mps
 zeta_dot_ref_mps2 = 0
 zeta_jerk_ref_mps3 = 0
 omega_ref_radps = omega_radps
 omega_dot_ref_radps2 = 0
+v_model_mps = v_mps
+zeta_model_mps = zeta_mps
+omega_model_radps = omega_radps
 speed_integral_mps2 = 0
 climb_integral_mps2 = 0
 turn_integral_radps = 0
@@ -71,7 +80,7 @@ level_cl = 9.80665 * airframe_mass_kg / (lift_per_cl_n * bank_cos)
 level_drag_mps2 = lift_per_cl_n / airframe_mass_kg * (airframe_cd_0 + level_cl * (airframe_cd_1 + level_cl * airframe_cd_2))
 # Speed before climb rate: what thrust cannot pay for is taken from zeta once the speed has strayed by the slack,
 # and at once when the airspeed comes near its limits.
-speed_high_mps = v_mps - v_ref_mps
+speed_high_mps = v_mps - v_plan_mps
 zeta_max_mps = airspeed_mps / 9.80665 * (thrust_max_mps2 - level_drag_mps2 + envelope_exchange_per_s * min(envelope_slack_mps + speed_high_mps, airspeed_mps - envelope_airspeed_min_mps))
 zeta_min_mps = airspeed_mps / 9.80665 * (thrust_min_mps2 - level_drag_mps2 - envelope_exchange_per_s * min(envelope_slack_mps - speed_high_mps, envelope_airspeed_max_mps - airspeed_mps))
 zeta_allowed_mps = clip(zeta_cmd_mps, zeta_min_mps, zeta_max_mps)
@@ -92,35 +101,45 @@ omega_dot_ref_radps2 = omega_dot_ref_radps2 + dt * omega_ddot_ref_radps3
 omega_ref_radps = omega_ref_radps + dt * omega_dot_ref_radps2
 # Acceleration: what thrust leaves after the climb, some always kept for speed, and airspeed limits above all.
 acceleration_wanted_mps2 = speed_bandwidth_radps * (v_cmd_mps - v_ref_mps)
-acceleration_target_mps2 = clip(clip(acceleration_wanted_mps2, min(thrust_min_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, -speed_reserved_mps2), max(thrust_max_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, speed_reserved_mps2)), envelope_exchange_per_s * (envelope_airspeed_min_mps - airspeed_mps), envelope_exchange_per_s * (envelope_airspeed_max_mps - airspeed_mps))
+acceleration_min_mps2 = min(thrust_min_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, -speed_reserved_mps2)
+acceleration_max_mps2 = max(thrust_max_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, speed_reserved_mps2)
+acceleration_target_mps2 = clip(clip(acceleration_wanted_mps2, acceleration_min_mps2, acceleration_max_mps2), envelope_exchange_per_s * (envelope_airspeed_min_mps - airspeed_mps), envelope_exchange_per_s * (envelope_airspeed_max_mps - airspeed_mps))
 limited_v = acceleration_target_mps2 != acceleration_wanted_mps2
 acceleration_dot_mps3 = (acceleration_target_mps2 - acceleration_ref_mps2) / speed_filter_s
 acceleration_ref_mps2 = acceleration_ref_mps2 + dt * acceleration_dot_mps3
-v_ref_mps = clip(v_ref_mps + dt * acceleration_ref_mps2, v_mps - speed_window_mps, v_mps + speed_window_mps)
+# What speed should be by now: it does not wait, so that climb rate pays when the aircraft cannot follow.
+v_plan_mps = clip(v_plan_mps + dt * clip(speed_bandwidth_radps * (v_cmd_mps - v_plan_mps), acceleration_min_mps2, acceleration_max_mps2), v_mps - speed_window_mps, v_mps + speed_window_mps)
+# The reference waits for an aircraft whose throttle has reached its stop.
+v_ref_mps = clip(v_ref_mps + dt * (acceleration_ref_mps2 - speed_release_per_s * (1 - throttle_free) * (v_ref_mps - v_mps)), v_mps - speed_window_mps, v_mps + speed_window_mps)
 
 == fly if on ==
-# Corrections on the model's error: reference minus measured.
-v_error_mps = v_ref_mps - v_mps
-zeta_error_mps = zeta_ref_mps - zeta_mps
-omega_error_radps = omega_ref_radps - omega_radps
+# Corrections act on the model's error, reference minus measured.
+# The reference passes the lag that the airframe cannot avoid first, or integrators would answer it with overshoot.
+omega_model_radps = omega_model_radps + min(dt / turn_model_lag_s, 1) * (omega_ref_radps - omega_model_radps)
+zeta_model_mps = zeta_model_mps + min(dt / climb_model_lag_s, 1) * (zeta_ref_mps - zeta_model_mps)
+v_model_mps = v_model_mps + min(dt / speed_model_lag_s, 1) * (v_ref_mps - v_model_mps)
+v_error_mps = v_model_mps - v_mps
+zeta_error_mps = zeta_model_mps - zeta_mps
+omega_error_radps = omega_model_radps - omega_radps
 climb_integral_mps2 = clip(climb_integral_mps2 + dt * climb_integral_per_s2 * zeta_error_mps, -3, 3)
 turn_integral_radps = clip(turn_integral_radps + dt * turn_integral_per_s * omega_error_radps, -0.15, 0.15)
 zeta_dot_mps2 = zeta_dot_ref_mps2 + climb_feedback_per_s * zeta_error_mps + climb_integral_mps2
 # Lift that holds the path up, over m: from it the bank for the sideways force and the angle of attack.
 path_mps2 = max(9.80665 * climb_cos * climb_cos + zeta_dot_mps2, 3)
-left_mps2 = v_mps * (omega_ref_radps + turn_feedback * omega_error_radps + turn_integral_radps) * crab_cos + acceleration_ref_mps2 * crab_sin
+left_mps2 = v_mps * (omega_ref_radps + turn_feedback * omega_error_radps + turn_integral_radps) * crab_cos + acceleration_ref_mps2 * crab_sin + turn_side_share * 9.80665 * side_load * bank_cos
 bank_tan = clip(-left_mps2 * climb_cos / path_mps2, -envelope_bank_tan_max, envelope_bank_tan_max)
 bank_cos = 1 / sqrt(1 + bank_tan * bank_tan)
 bank_rad = atan(bank_tan)
-# Roll rate of the reference, led by the servo's and the roll mode's lags.
-roll_rate_rad_s = -v_mps * bank_cos * bank_cos / path_mps2 * (omega_dot_ref_radps2 + (turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps) * omega_ddot_ref_radps3) + turn_bank_feedback_per_s * (bank_rad - roll_rad)
-aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_rad_s + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -0.5, 0.5)
+# Roll rate of the reference, for the turn and for the changing lift, led by the servo's and the roll mode's lags.
+roll_lead_s = turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps
+roll_rate_radps = turn_bank_feedback_per_s * (bank_rad - roll_rad) - bank_cos * bank_cos / path_mps2 * (v_mps * (omega_dot_ref_radps2 + roll_lead_s * omega_ddot_ref_radps3) + acceleration_ref_mps2 * omega_ref_radps + bank_tan * (zeta_jerk_ref_mps3 + roll_lead_s * zeta_jerk_dot_mps4))
+aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -0.5, 0.5)
 # Angle of attack for the lift, elevator to trim it, to pitch along the path and to change it.
 lift_cl = path_mps2 * airframe_mass_kg / (climb_cos * bank_cos * lift_per_cl_n)
-alpha_ref_rad = clip((lift_cl - airframe_cl_0) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
 alpha_per_mps2 = airframe_mass_kg / (bank_cos * lift_per_cl_n * airframe_cl_alpha)
 q_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3 + (path_mps2 / (climb_cos * bank_cos) - 9.80665 * climb_cos * bank_cos) / airspeed_mps
 q_dot_ref_radps2 = alpha_per_mps2 * zeta_jerk_dot_mps4 + zeta_jerk_ref_mps3 / airspeed_mps
+alpha_ref_rad = clip((lift_cl - airframe_cl_0 - airframe_cl_q_m * q_ref_radps / airspeed_mps) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
 elevator_rad = clip(airframe_elevator_0_rad + airframe_elevator_per_alpha * (alpha_ref_rad + climb_servo_lead_s * alpha_per_mps2 * zeta_jerk_ref_mps3) + airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) / airspeed_mps + (airframe_elevator_per_qdot_n * q_dot_ref_radps2 - climb_alpha_feedback_n * (alpha_ref_rad - alpha_rad) - climb_q_feedback_ns * (q_ref_radps - q_radps)) / lift_per_cl_n, -0.5, 0.5)
 # Thrust for the acceleration along the air-relative path, for drag, for weight; led by the motor's lag.
 speed_integral_mps2 = where(throttle_free > 0, clip(speed_integral_mps2 + dt * speed_integral_per_s2 * v_error_mps, -2, 2), speed_integral_mps2)
@@ -134,6 +153,6 @@ thrust_knee_mps2 = thrust_per_speed2_mps2 * (airspeed_mps + knee_mps) * knee_mps
 throttle_wanted = where(thrust_mps2 > thrust_knee_mps2, (sqrt(airspeed_mps * airspeed_mps + 4 * max(thrust_mps2, 0) / thrust_per_speed2_mps2) - airspeed_mps) / (2 * (airframe_motor_speed_mps - airspeed_mps)), airframe_windmill_throttle * (thrust_mps2 - thrust_min_mps2) / (thrust_knee_mps2 - thrust_min_mps2))
 throttle = clip(throttle_wanted, 0, 1)
 throttle_free = throttle == throttle_wanted
-elevator_norm = elevator_rad / airframe_elevator_norm_rad -> fcs/elevator-cmd-norm
-aileron_norm = aileron_rad / airframe_aileron_norm_rad -> fcs/aileron-cmd-norm
-throttle_norm = throttle -> fcs/throttle-cmd-norm
+elevator_norm = elevator_rad / airframe_elevator_norm_rad + elevator_probe -> fcs/elevator-cmd-norm
+aileron_norm = aileron_rad / airframe_aileron_norm_rad + aileron_probe -> fcs/aileron-cmd-norm
+throttle_norm = throttle + throttle_probe -> fcs/throttle-cmd-norm
