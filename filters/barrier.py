@@ -5,7 +5,7 @@ Planar vectors are complex numbers, east + 1j north. The construction for any ma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +16,14 @@ from filters.pairs import (
     Index,
     PairValues,
     all_pairs,
+    by_blocks,
     check_count,
     check_separation,
     chosen_pairs,
     form_function,
     vehicle_of,
 )
-from filters.unicycle import Command, State
+from filters.unicycle import Array, Command, State
 
 __all__ = [
     "Barrier",
@@ -66,10 +67,10 @@ class TurnBarrier:
     sigma: ArrayLike = 1.0
     form: str = "root"
     smoothing: float = 0.0
+    _radius: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         sigma = np.asarray(self.sigma, dtype=float)
-        object.__setattr__(self, "sigma", sigma)
         check_separation(self.d_safe)
         form_function(self.form)
         if not (np.isfinite(self.v) and self.v > 0):
@@ -86,59 +87,62 @@ class TurnBarrier:
         for name, value in (("delta", self.delta), ("smoothing", self.smoothing)):
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be finite and not negative, got {value} m^2")
+        object.__setattr__(self, "sigma", sigma)
+        object.__setattr__(self, "_radius", self.v / self.omega * sigma)
 
     def manoeuvre(self, n: int) -> Command:
         """(n,): v sigma_i, omega, no climb."""
         sigma = np.asarray(self.sigma)
         check_count(n, sigma, "sigma")
-        return Command(self.v * np.broadcast_to(sigma, n), self.omega, 0.0)
+        return Command(self.v * np.broadcast_to(sigma, n), np.full(n, self.omega), np.zeros(n))
 
     def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
         """h and gradient (see `Barrier.values`); at Z = 0, the kink, the subgradient that takes d|Z| = 0."""
-        check_count(len(state), np.asarray(self.sigma), "sigma")
-        i, j = chosen_pairs(state, i, j)
+        check_count(len(state), self._radius, "sigma")
+        form = form_function(self.form)
         heading = np.cos(state.theta) + 1j * np.sin(state.theta)
-        arm = (self.v / self.omega * np.asarray(self.sigma)) * heading
+        arm = self._radius * heading
         centre = state.x + 1j * state.y + 1j * arm
-        arm_i, arm_j = arm[i], arm[j]
-        q = arm_i - arm_j
-        d = centre[i] - centre[j]
-        dz = state.z[i] - state.z[j]
+        tilt = (self.delta * (-1 - 1j)) * heading
+        epsilon = self.smoothing**2
 
-        z = (-2j * q) * d.conj()
-        excess = self.smoothing**2
-        if self.delta:
-            tilt = (self.delta * (-1 - 1j)) * heading[i]
-            # (|Z|^2 - |Z at delta 0|^2) + eps^2, without subtracting large numbers
-            excess = excess + 2 * (z.real * tilt.real + z.imag * tilt.imag) + 2 * self.delta**2
-            z += tilt
-        amplitude = np.sqrt(z.real * z.real + z.imag * z.imag + (self.smoothing**2 + TINY))
-        # A1 - |Z| = (|D| - |q|)^2 + dz^2 - 2 delta - (|Z| - 2 |D| |q|): exact where A1 and |Z| nearly cancel.
-        d_abs, q_abs = np.abs(d), np.abs(q)
-        m = np.square(d_abs - q_abs)
-        m += dz * dz
-        m -= 2 * self.delta
-        m -= excess / (2 * d_abs * q_abs + amplitude)
-        h, slope = form_function(self.form)(m, self.d_safe)
+        def kernel(i: Index, j: Index, grad: Array) -> Array:
+            arm_i, arm_j = arm[i], arm[j]
+            q = arm_i - arm_j
+            d = centre[i] - centre[j]
+            dz = state.z[i] - state.z[j]
+            z = q * d.conj()
+            z *= -2j
+            excess: Array | float = epsilon
+            if self.delta:
+                tilt_i = tilt[i]
+                # |Z|^2 - |Z at delta 0|^2 + eps^2, without subtracting large numbers
+                excess = 2 * (z.real * tilt_i.real + z.imag * tilt_i.imag) + (2 * self.delta**2 + epsilon)
+                z += tilt_i
+            amplitude = np.sqrt(z.real * z.real + z.imag * z.imag + (epsilon + TINY))
+            # A1 - |Z| = (|D| - |q|)^2 + dz^2 - 2 delta - (|Z| - 2 |D| |q|), which does not cancel.
+            d_abs, q_abs = np.abs(d), np.abs(q)
+            m = np.square(d_abs - q_abs) + dz * dz
+            m -= excess / (2 * d_abs * q_abs + amplitude) + 2 * self.delta
+            h, slope = form(m, self.d_safe)
 
-        # dm = Re(conj(g_d) dD) + Re(conj(g_q) dq) + 2 dz d(dz) + the delta term's own share of theta_i
-        slope = 2.0 * slope
-        phase = z.conj() / amplitude
-        g_d = d + 1j * (phase * q)
-        g_d *= slope
-        g_q_conj = q.conj() + 1j * (phase * d.conj())
-        g_q_conj *= slope
-        turn = 1j * g_q_conj - g_d.conj()
-        grad = np.empty((8, len(h)))
-        grad[0], grad[1] = g_d.real, g_d.imag
-        grad[2] = turn.real * arm_i.real - turn.imag * arm_i.imag
-        grad[6] = turn.imag * arm_j.imag - turn.real * arm_j.real
-        if self.delta:
-            grad[2] -= 0.5 * slope * (1j * phase * tilt).real
-        grad[3] = slope * dz
-        np.negative(grad[0:2], out=grad[4:6])
-        np.negative(grad[3], out=grad[7])
-        return PairValues(i, j, h, grad.T)
+            # dm = Re(conj(g_d) dD) + Re(g_q dq) + 2 dz d(dz) + the delta term's own share of theta_i
+            slope = 2.0 * slope
+            phase = z.conj() * (1j * slope / amplitude)
+            g_d = slope * d + phase * q
+            g_q = slope * q.conj() + phase * d.conj()
+            turn = 1j * g_q - g_d.conj()
+            grad[0], grad[1] = g_d.real, g_d.imag
+            grad[2] = turn.real * arm_i.real - turn.imag * arm_i.imag
+            grad[6] = turn.imag * arm_j.imag - turn.real * arm_j.real
+            if self.delta:
+                grad[2] -= 0.5 * (phase.real * tilt_i.real - phase.imag * tilt_i.imag)
+            grad[3] = slope * dz
+            np.negative(grad[0:2], out=grad[4:6])
+            np.negative(grad[3], out=grad[7])
+            return h
+
+        return by_blocks(*chosen_pairs(state, i, j), kernel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,14 +170,19 @@ class StraightBarrier:
         check_separation(self.d_safe)
         form_function(self.form)
         if v.ndim != 1 or not (np.all(np.isfinite(v)) and np.all(v > 0)):
-            raise ValueError(f"straight speeds v must be positive and finite, one per vehicle, got {self.v}")
+            raise ValueError(
+                f"straight speeds v must be positive and finite, one per vehicle, got {v.tolist()}"
+            )
         if zeta.ndim > 1 or not np.all(np.isfinite(zeta)):
-            raise ValueError(f"climb rates zeta must be finite, a number or one per vehicle, got {self.zeta}")
+            raise ValueError(
+                f"climb rates zeta must be finite, a number or one per vehicle, got {zeta.tolist()}"
+            )
         check_count(len(v), zeta, "zeta")
+        zeta = np.broadcast_to(zeta, v.shape)
         object.__setattr__(self, "v", v)
-        object.__setattr__(self, "zeta", np.broadcast_to(zeta, v.shape))
+        object.__setattr__(self, "zeta", zeta)
         i, j = all_pairs(len(v))
-        gap = np.hypot(self.v[i] - self.v[j], self.zeta[i] - self.zeta[j])  # type: ignore[index]
+        gap = np.hypot(v[i] - v[j], zeta[i] - zeta[j])
         equal = np.flatnonzero(gap <= 1e-9 * np.maximum(v[i], v[j]))
         if equal.size:
             a, b = int(i[equal[0]]), int(j[equal[0]])
@@ -185,38 +194,41 @@ class StraightBarrier:
     def manoeuvre(self, n: int) -> Command:
         """(n,): v_i straight on, climbing at zeta_i."""
         check_count(n, np.asarray(self.v), "v")
-        return Command(self.v, 0.0, self.zeta)
+        return Command(np.asarray(self.v), np.zeros(n), np.asarray(self.zeta))
 
     def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
         """h and gradient (see `Barrier.values`)."""
-        check_count(len(state), np.asarray(self.v), "v")
-        i, j = chosen_pairs(state, i, j)
-        zeta = np.asarray(self.zeta)
+        speed, climb = np.asarray(self.v), np.asarray(self.zeta)
+        check_count(len(state), speed, "v")
+        form = form_function(self.form)
         position = state.x + 1j * state.y
-        velocity = np.asarray(self.v) * (np.cos(state.theta) + 1j * np.sin(state.theta))
-        velocity_i, velocity_j = velocity[i], velocity[j]
-        w = velocity_i - velocity_j
-        d = position[i] - position[j]
-        w_z = zeta[vehicle_of(i)] - zeta[vehicle_of(j)]
-        d_z = state.z[i] - state.z[j]
-        closing = d.real * w.real + d.imag * w.imag + d_z * w_z
-        tau = np.maximum(0.0, -closing / (w.real * w.real + w.imag * w.imag + w_z * w_z))
-        # The closest offset is squared; the text's c - b^2/4a would cancel for pairs that nearly collide.
-        d = d + tau * w
-        d_z = d_z + tau * w_z
-        h, slope = form_function(self.form)(d.real * d.real + d.imag * d.imag + d_z * d_z, self.d_safe)
+        velocity = speed * (np.cos(state.theta) + 1j * np.sin(state.theta))
 
-        # tau is a minimiser, so its own derivative drops out (envelope theorem)
-        slope = 2.0 * slope
-        lever = slope * tau
-        grad = np.empty((8, len(h)))
-        grad[0], grad[1] = slope * d.real, slope * d.imag
-        grad[2] = lever * (d.imag * velocity_i.real - d.real * velocity_i.imag)
-        grad[3] = slope * d_z
-        np.negative(grad[0:2], out=grad[4:6])
-        grad[6] = lever * (d.real * velocity_j.imag - d.imag * velocity_j.real)
-        np.negative(grad[3], out=grad[7])
-        return PairValues(i, j, h, grad.T)
+        def kernel(i: Index, j: Index, grad: Array) -> Array:
+            velocity_i, velocity_j = velocity[i], velocity[j]
+            w = velocity_i - velocity_j
+            w_z = climb[vehicle_of(i)] - climb[vehicle_of(j)]
+            d = position[i] - position[j]
+            d_z = state.z[i] - state.z[j]
+            closing = d.real * w.real + d.imag * w.imag + d_z * w_z
+            tau = np.maximum(0.0, -closing / (w.real * w.real + w.imag * w.imag + w_z * w_z))
+            # The closest offset is squared; the text's c - b^2/4a would cancel for pairs that nearly collide.
+            d = d + tau * w
+            d_z = d_z + tau * w_z
+            h, slope = form(d.real * d.real + d.imag * d.imag + d_z * d_z, self.d_safe)
+
+            # tau is a minimiser, so its own derivative drops out (envelope theorem)
+            slope = 2.0 * slope
+            lever = slope * tau
+            grad[0], grad[1] = slope * d.real, slope * d.imag
+            grad[2] = lever * (d.imag * velocity_i.real - d.real * velocity_i.imag)
+            grad[3] = slope * d_z
+            np.negative(grad[0:2], out=grad[4:6])
+            grad[6] = lever * (d.real * velocity_j.imag - d.imag * velocity_j.real)
+            np.negative(grad[3], out=grad[7])
+            return h
+
+        return by_blocks(*chosen_pairs(state, i, j), kernel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,11 +262,14 @@ class EuclideanBarrier:
 
     def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
         """h and gradient (see `Barrier.values`)."""
-        i, j = chosen_pairs(state, i, j)
-        offset = [a[i] - a[j] for a in (state.x, state.y, state.z)]
-        h, slope = form_function(self.form)(sum(np.square(o) for o in offset), self.d_safe)
-        grad = np.zeros((8, len(h)))
-        for k, o in zip((0, 1, 3), offset, strict=True):
-            grad[k] = 2.0 * slope * o
-            np.negative(grad[k], out=grad[k + 4])
-        return PairValues(i, j, h, grad.T)
+        form = form_function(self.form)
+
+        def kernel(i: Index, j: Index, grad: Array) -> Array:
+            dx, dy, dz = (a[i] - a[j] for a in (state.x, state.y, state.z))
+            h, slope = form(dx * dx + dy * dy + dz * dz, self.d_safe)
+            slope = 2.0 * slope
+            grad[0], grad[1], grad[2], grad[3] = slope * dx, slope * dy, 0.0, slope * dz
+            np.negative(grad[:4], out=grad[4:])
+            return h
+
+        return by_blocks(*chosen_pairs(state, i, j), kernel)
