@@ -124,26 +124,31 @@ omega_error_radps = omega_model_radps - omega_radps
 climb_integral_mps2 = clip(climb_integral_mps2 + dt * climb_integral_per_s2 * zeta_error_mps, -3, 3)
 turn_integral_radps = clip(turn_integral_radps + dt * turn_integral_per_s * omega_error_radps, -0.15, 0.15)
 zeta_dot_mps2 = zeta_dot_ref_mps2 + climb_feedback_per_s * zeta_error_mps + climb_integral_mps2
-# Lift that holds the path up, over m: from it the bank for the sideways force and the angle of attack.
-path_mps2 = max(9.80665 * climb_cos * climb_cos + zeta_dot_mps2, 3)
-left_mps2 = v_mps * (omega_ref_radps + turn_feedback * omega_error_radps + turn_integral_radps) * crab_cos + acceleration_ref_mps2 * crab_sin + turn_side_share * 9.80665 * side_load * bank_cos
-bank_tan = clip(-left_mps2 * climb_cos / path_mps2, -envelope_bank_tan_max, envelope_bank_tan_max)
+speed_integral_mps2 = where(throttle_free > 0, clip(speed_integral_mps2 + dt * speed_integral_per_s2 * v_error_mps, -2, 2), speed_integral_mps2)
+# The horizontal acceleration asked for, along and to the left of the air-relative path: in wind a steady turn over
+# the ground needs both.
+along_mps2 = acceleration_ref_mps2 + speed_feedback_per_s * v_error_mps + speed_integral_mps2
+across_mps2 = v_mps * (omega_ref_radps + turn_feedback * omega_error_radps + turn_integral_radps)
+ahead_mps2 = along_mps2 * crab_cos - across_mps2 * crab_sin
+# A measured side force pushes in or out of the turn: bank answers its share.
+left_mps2 = across_mps2 * crab_cos + along_mps2 * crab_sin + turn_side_share * 9.80665 * side_load * bank_cos
+# Lift normal to the path, over m and before banking; then the bank that turns it sideways enough.
+lift_mps2 = max((9.80665 + zeta_dot_mps2) * climb_cos - ahead_mps2 * climb_sin, 3)
+bank_tan = clip(-left_mps2 / lift_mps2, -envelope_bank_tan_max, envelope_bank_tan_max)
 bank_cos = 1 / sqrt(1 + bank_tan * bank_tan)
 bank_rad = atan(bank_tan)
 # Roll rate of the reference, for the turn and for the changing lift, led by the servo's and the roll mode's lags.
 roll_lead_s = turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps
-roll_rate_radps = turn_bank_feedback_per_s * (bank_rad - roll_rad) - bank_cos * bank_cos / path_mps2 * (v_mps * (omega_dot_ref_radps2 + roll_lead_s * omega_ddot_ref_radps3) + acceleration_ref_mps2 * omega_ref_radps + bank_tan * (zeta_jerk_ref_mps3 + roll_lead_s * zeta_jerk_dot_mps4))
+roll_rate_radps = turn_bank_feedback_per_s * (bank_rad - roll_rad) - bank_cos * bank_cos / lift_mps2 * (v_mps * (omega_dot_ref_radps2 + roll_lead_s * omega_ddot_ref_radps3) + acceleration_ref_mps2 * omega_ref_radps + bank_tan * (zeta_jerk_ref_mps3 + roll_lead_s * zeta_jerk_dot_mps4))
 aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -0.5, 0.5)
 # Angle of attack for the lift, elevator to trim it, to pitch along the path and to change it.
-lift_cl = path_mps2 * airframe_mass_kg / (climb_cos * bank_cos * lift_per_cl_n)
+lift_cl = lift_mps2 * airframe_mass_kg / (bank_cos * lift_per_cl_n)
 alpha_per_mps2 = airframe_mass_kg / (bank_cos * lift_per_cl_n * airframe_cl_alpha)
-q_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3 + (path_mps2 / (climb_cos * bank_cos) - 9.80665 * climb_cos * bank_cos) / airspeed_mps
+q_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3 + (lift_mps2 / bank_cos - 9.80665 * climb_cos * bank_cos) / airspeed_mps
 q_dot_ref_radps2 = alpha_per_mps2 * zeta_jerk_dot_mps4 + zeta_jerk_ref_mps3 / airspeed_mps
 alpha_ref_rad = clip((lift_cl - airframe_cl_0 - airframe_cl_q_m * q_ref_radps / airspeed_mps) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
 elevator_rad = clip(airframe_elevator_0_rad + airframe_elevator_per_alpha * (alpha_ref_rad + climb_servo_lead_s * alpha_per_mps2 * zeta_jerk_ref_mps3) + airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) / airspeed_mps + (airframe_elevator_per_qdot_n * q_dot_ref_radps2 - climb_alpha_feedback_n * (alpha_ref_rad - alpha_rad) - climb_q_feedback_ns * (q_ref_radps - q_radps)) / lift_per_cl_n, -0.5, 0.5)
 # Thrust for the acceleration along the air-relative path, for drag, for weight; led by the motor's lag.
-speed_integral_mps2 = where(throttle_free > 0, clip(speed_integral_mps2 + dt * speed_integral_per_s2 * v_error_mps, -2, 2), speed_integral_mps2)
-ahead_mps2 = (acceleration_ref_mps2 + speed_feedback_per_s * v_error_mps + speed_integral_mps2) * crab_cos - v_mps * omega_ref_radps * crab_sin
 drag_mps2 = lift_per_cl_n / airframe_mass_kg * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2))
 thrust_mps2 = drag_mps2 + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
 # The throttle that gives it: T = k Vd (Vd - Va) solved for Vd, and a straight line to the windmilling propeller.
