@@ -76,14 +76,14 @@ def test_an_existing_folder_is_replaced_only_on_request_and_only_if_it_is_a_run(
 
 def test_a_refused_start_leaves_nothing_behind(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "er"
-    with pytest.raises(UserError, match="outside the safe set: h = -4.750 for vehicles 1 and 2"):
+    with pytest.raises(UserError, match=r"outside the safe set: h = -4\.750 for vehicles 1 and 2"):
         run(load("paper-2-straight", ["course_offset_deg=0", *SHORT]), out)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_two_vehicles_at_one_place_are_refused_even_by_force() -> None:
-    places = "[{x_m=0, y_m=0, course_deg=0, goal_x_m=1, goal_y_m=0}, {x_m=0, y_m=0, course_deg=9, goal_x_m=1, goal_y_m=0}]"
-    s = load("paper-2-turn", ["pattern=list", f"places={places}"])
+    place = "{x_m = 0, y_m = 0, course_deg = 0, goal_x_m = 1, goal_y_m = 0}"
+    s = load("paper-2-turn", ["pattern=list", f"places=[{place}, {place}]"])
     with pytest.raises(UserError, match="vehicles 1 and 2 start at one place"):
         run(s, force=True)
 

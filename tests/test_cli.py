@@ -1,0 +1,120 @@
+"""The command line as a user meets it: results, help, and one line for every mistake."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from testbed import cli
+
+SHORT = ["--set", "duration_s=0.1"]
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["testbed", *map(str, arguments)])
+    try:
+        cli.main()
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
+def test_run_prints_the_scorecard_and_writes_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "run", "paper-2-turn", "--out", tmp_path / "r", *SHORT) == 0
+    out = capsys.readouterr().out
+    assert "separation" in out and "safe-set" in out and str(tmp_path / "r") in out.replace("\n", "")
+    assert (tmp_path / "r" / "manifest.json").is_file()
+    assert max(len(line) for line in out.splitlines() if "run folder" not in line) <= 80
+
+
+def test_run_as_json_is_json_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "run", "paper-2-turn", "--json", "--out", tmp_path / "r", *SHORT) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert {g["id"] for g in result["guarantees"]} >= {"separation", "safe-set", "qp-feasibility", "goal"}
+
+
+def test_compare_draws_the_plants_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "c"
+    assert call(monkeypatch, "compare", "paper-2-turn", "--out", out, *SHORT) == 0
+    text = capsys.readouterr().out
+    assert "unicycle" in text and "jsbsim" in text
+    for figure in ("panels", "aircraft"):
+        for kind in ("png", "pdf"):
+            assert (out / "figures" / f"{figure}.{kind}").stat().st_size > 10_000
+    summary = json.loads((out / "comparison.json").read_text())
+    assert set(summary) == {"unicycle", "jsbsim"}
+    assert (out / "jsbsim" / "manifest.json").is_file()
+
+
+def test_list_names_every_built_in_scenario(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "list", "--json") == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert "paper-2-turn" in rows and all(rows.values())
+
+
+def test_schema_is_a_json_schema(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "schema") == 0
+    assert json.loads(capsys.readouterr().out)["properties"]["d_safe_m"]["exclusiveMinimum"] == 0
+
+
+MISTAKES = {
+    ("run", "paper-2-tern"): "unknown scenario 'paper-2-tern'; did you mean paper-2-turn",
+    ("run", "paper-2-turn", "--plant", "glider"): "plant: input should be 'unicycle'",
+    ("run", "paper-2-turn", "--set", "d_safe=5"): "unknown field; did you mean d_safe_m",
+    ("run", "paper-2-turn", "--set", "airframes=['x9']", "--plant", "jsbsim"): "x9",
+    ("run", "paper-2-turn", "--seed", "-1"): "seed: input should be greater than or equal to 0",
+    ("run", "paper-2-straight", "--set", "course_offset_deg=0"): "--force",
+    ("run", "paper-2-straight", "--set", "speed_step=0"): "equal straight speeds",
+    ("compare", "paper-2-turn", "--plants", "unicycle,glider"): "plant: input should be 'unicycle'",
+    ("compare", "paper-2-turn", "--plants", ","): "name at least one plant",
+}
+
+
+@pytest.mark.parametrize("arguments", MISTAKES, ids=" ".join)
+def test_a_mistake_is_one_line_and_leaves_nothing(
+    arguments: tuple[str, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, *arguments) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("flying")]
+    assert len(lines) == 1 and lines[0].startswith("error: ")
+    assert MISTAKES[arguments] in lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unwritable_folder_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert call(monkeypatch, "run", "paper-2-turn", "--out", tmp_path / "file" / "r", *SHORT) == 2
+    assert "cannot write below" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["run", "compare", "list", "schema"])
+def test_every_command_has_help_with_an_example(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, command, "--help") == 0
+    assert f"Example: testbed {command}" in capsys.readouterr().out
+
+
+def test_the_installed_command_works_from_anywhere(tmp_path: Path) -> None:
+    program = Path(sys.executable).parent / "testbed"
+    done = subprocess.run([program, "list"], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert "paper-20-turn" in done.stdout
+    assert "\x1b" not in done.stdout
