@@ -23,6 +23,7 @@ from filters.pairs import (
     form_function,
     vehicle_of,
 )
+from filters.rollout import PremiseNotMet, RolloutBarrier
 from filters.unicycle import Array, Command, State
 
 __all__ = [
@@ -30,6 +31,8 @@ __all__ = [
     "EuclideanBarrier",
     "ForwardDifference",
     "PairValues",
+    "PremiseNotMet",
+    "RolloutBarrier",
     "StraightBarrier",
     "TurnBarrier",
     "all_pairs",

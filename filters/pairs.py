@@ -17,8 +17,8 @@ Index = Any
 
 FORMS = ("root", "squared")
 
-# Pairs computed at a time. The temporaries of one block stay in cache and in memory the allocator keeps; those
-# of 4950 pairs at once go back to the system and fault in again, 300 pages a call (none below 1250 pairs).
+# Pairs computed at a time. The temporaries of one block stay in cache and in memory the allocator keeps;
+# those of 4950 pairs go back to the system and fault in again, 300 pages a call (none below 1250 pairs).
 BLOCK = 1000
 
 

@@ -11,7 +11,8 @@ import pytest
 from filters.barrier import StraightBarrier, TurnBarrier
 from filters.unicycle import State
 
-PAIRS = json.loads((Path(__file__).parent / "reference" / "vectors.json").read_text())["pairs"]
+VECTORS = json.loads((Path(__file__).parent / "reference" / "vectors.json").read_text())
+PAIRS, QPS = VECTORS["pairs"], VECTORS["qp"]
 FORMS = {"sq": "squared", "sqrt": "root"}
 
 
@@ -40,3 +41,21 @@ def test_values_gradient_and_lie_rows_equal_the_reference(pair, kind, make, key)
     lie_i, lie_j = got.lie(state)
     np.testing.assert_allclose(lie_i[0], want["Lgh1"], rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(lie_j[0], want["Lgh2"], rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("qp", QPS, ids=[f"{q['name']}-{q['mode']}" for q in QPS])
+def test_rows_of_the_reference_programs_are_reproduced(qp):
+    gamma = np.asarray(qp["gamma"])
+    form = "root" if qp["root"] else "squared"
+    d_safe = VECTORS["constants"]["Ds"]
+    if qp["kind"] == "turn":
+        barrier = TurnBarrier(gamma[0, 0], gamma[0, 1], d_safe, delta=qp["delta"], form=form)
+    else:
+        barrier = StraightBarrier(gamma[:, 0], gamma[:, 2], d_safe, form)
+    state = State.of(qp["X"])
+    values = barrier.values(state)
+    lie_i, lie_j = values.lie(state)
+    np.testing.assert_allclose(barrier.manoeuvre(qp["k"]).array(), gamma, atol=1e-15)
+    np.testing.assert_allclose(values.h, qp["h"], atol=1e-9)
+    np.testing.assert_allclose(lie_i, qp["Lgh_i"], atol=1e-9)
+    np.testing.assert_allclose(lie_j, qp["Lgh_j"], atol=1e-9)

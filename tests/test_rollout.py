@@ -61,6 +61,7 @@ def test_rollout_agrees_with_straight_on_200_random_pairs(form, climb):
     assert_agrees(rollout, closed, random_state(rng, 400), I, J)
 
 
+@pytest.mark.slow
 def test_rollout_agrees_with_a_fine_grid_for_mixed_manoeuvres():
     barrier = RolloutBarrier(MIXED, DS)
     rng = np.random.default_rng(22)
@@ -160,6 +161,7 @@ class Ellipsoid:
         return 2 * max(1.0, self.k) * bend
 
 
+@pytest.mark.slow
 def test_a_safety_function_of_ones_own_is_minimised_as_it_is():
     barrier = RolloutBarrier(MIXED, DS, Ellipsoid(4.0), form="plain", resolution=1e-11)
     state = random_state(np.random.default_rng(25), len(MIXED))
@@ -201,6 +203,13 @@ def test_orbits_that_never_close_are_refused_naming_the_pair_and_the_reason():
     gamma = Command([16.0, 16.0], [0.2, 0.2 * np.sqrt(2)], [0.0, 1.0])
     state = random_state(np.random.default_rng(26), 2, 60.0)
     assert np.isfinite(RolloutBarrier(gamma, DS).values(state).h[0])
+
+
+@pytest.mark.slow
+def test_climb_rates_that_nearly_agree_are_refused_with_the_remedy():
+    barrier = RolloutBarrier(Command([16.0, 16.0], [0.2, -0.2], [0.0, 1e-9]), DS)
+    with pytest.raises(PremiseNotMet, match=r"vehicles 1 and 2 .* make these equal or more different"):
+        barrier.values(random_state(np.random.default_rng(28), 2))
 
 
 @pytest.mark.parametrize(
