@@ -162,6 +162,23 @@ def test_entries_with_equal_limits_are_kept_at_them():
     np.testing.assert_allclose(found.u, [2.0, 3.0], atol=1e-9)
 
 
+def test_entries_in_no_row_keep_their_target_to_the_last_bit():
+    rng = np.random.default_rng(10)
+    target, rows, rhs, lower, upper = random_problem(rng, 6, 3)
+    target[[2, 5]] = 0.1, 9.9
+    rows[:, [2, 5]] = 0.0
+    found = qp.solve(target, rows, rhs - 1e-3, lower, upper)
+    assert found.iterations > 0
+    np.testing.assert_array_equal(found.u[[2, 5]], np.clip(target, lower, upper)[[2, 5]])
+
+
+def test_refinement_starts_from_nothing_as_well():
+    # Every constraint slack at the target: scipy's nnls must not be called without columns (it crashes).
+    t, lo, hi = np.zeros(2), -np.ones(2), np.ones(2)
+    exact = qp._nearest(t, np.eye(2), np.full(2, -0.5), lo, hi, None)
+    np.testing.assert_array_equal(exact, t)
+
+
 def test_a_contradiction_is_infeasible_and_returns_the_least_bad_input():
     found = qp.solve([0.0, 0.0], [[1.0, 0.0], [-1.0, 0.0]], [0.3, 0.1], [-1.0, -1.0], [1.0, 1.0])
     assert found.status == Status.INFEASIBLE
