@@ -14,11 +14,13 @@ from aircraft.plant import Plant
 from filters.alpha import OddPolynomial, cubic, linear
 from filters.barrier import Barrier, EuclideanBarrier, ForwardDifference, StraightBarrier, TurnBarrier
 from filters.collision import CollisionFilter, Filter, Passthrough
+from filters.monitor import Monitor
 from filters.rows import PerPair
 from filters.unicycle import Array, Command, Limits
 from testbed.errors import UserError
 from testbed.nominal import Constant, NearIdentity, NominalController
 from testbed.scenario import Scenario
+from testbed.start import generators, places
 
 PACKAGES = ("jsbsim", "osqp", "numpy", "scipy", "pandas", "pyarrow")
 
@@ -100,15 +102,31 @@ def alpha(s: Scenario) -> OddPolynomial:
 def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
     own = ForwardDifference(b, s.barrier.gradient_step) if s.barrier.gradient == "forward" else b
     mode: Any = s.filter.kind
-    return CollisionFilter(own, alpha(s), mode=mode, shared=s.barrier.shared)
+    made = CollisionFilter(own, alpha(s), mode=mode, shared=s.barrier.shared)
+    return Monitor(made) if s.filter.monitor else made
 
 
 def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
     from filters.navigation import NavigationFilter
 
     p = s.navigation
+    # The paper's potential draws each vehicle back to the line from its start; drawn again, it is the same.
+    start, _ = places(s, generators(s.seed)["start"])
     return NavigationFilter(
-        goal, speed=p.speed_mps, gain=p.heading_gain_per_s, sensing_range=p.sensing_range_m
+        goal,
+        np.stack([start.x, start.y], axis=-1),
+        speed=p.speed_mps,
+        gain=p.heading_gain_per_s,
+        path_radius=p.path_radius_m,
+        path_gain=p.path_gain,
+        exponent=p.exponent,
+        swirl=p.swirl,
+        vehicle_radius=p.vehicle_radius_m,
+        vehicle_margin=p.vehicle_margin_m,
+        disc_radius=p.disc_radius_m,
+        disc_margin=p.disc_margin_m,
+        sensing_range=p.sensing_range_m,
+        step=p.difference_step_m,
     )
 
 

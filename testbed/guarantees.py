@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from filters.monitor import MonitorRecord
 from testbed.scenario import Scenario
 from testbed.tally import Extreme, Tally
 
@@ -36,6 +37,28 @@ def judge(
         _limits(tally, end),
         _goals(scenario, tally, end),
     ]
+
+
+# Of the monitor's checks, those that are premises of a theorem, not conclusions.
+PREMISES = ("aligned", "aligned_limited", "gradient")
+
+
+def monitored(record: MonitorRecord, filter_dt: float) -> list[dict[str, Any]]:
+    """One entry per check of a monitored run; a premise that fails voids its theorem, it violates nothing."""
+    entries = []
+    for name, check in record.checks.items():
+        claim, _, quantity = check.claim.rstrip("]").partition(" [")
+        entry = _entry(f"monitor-{name}", claim, "Theorems 3 and 4", "smallest seen", quantity)
+        if check.checked:
+            entry.update(value=check.worst, bound=check.least, margin=check.worst - check.least)
+            entry["verdict"] = HOLDS if not check.failed else PREMISE if name in PREMISES else VIOLATED
+            entry["why"] = f"{check.failed} of {check.checked}"
+            if check.worst_at is not None:
+                entry.update(t_s=check.worst_at[0] * filter_dt, vehicles=list(check.worst_at[1]))
+        else:
+            entry["why"] = "never met"
+        entries.append(entry)
+    return entries
 
 
 def _entry(name: str, claim: str, source: str, quantity: str, unit: str) -> dict[str, Any]:

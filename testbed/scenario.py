@@ -214,7 +214,16 @@ class Navigation(Section):
 
     speed_mps: Positive = 20.0
     heading_gain_per_s: Positive = 0.6
+    path_radius_m: Positive = Field(default=20.0, description="r_p: closer to the goal the path fades")
+    path_gain: NonNegative = Field(default=20.0, description="K_p: pull towards the line from start to goal")
+    exponent: Positive = Field(default=0.2, description="k of the navigation function")
+    swirl: NonNegative = Field(default=0.08, description="K_s: share of the gradient across lines of sight")
+    vehicle_radius_m: NonNegative = Field(default=0.0, description="rho_j: contact with a vehicle")
+    vehicle_margin_m: Positive = Field(default=5.0, description="delta_j: a vehicle repels from there on")
+    disc_radius_m: Positive = Field(default=2000.0, description="rho_c: disc about the origin to stay in")
+    disc_margin_m: Positive = Field(default=5.0, description="delta_c: its edge repels from there on")
     sensing_range_m: Positive = 400.0
+    difference_step_m: Positive = Field(default=1.0, description="of the gradient's central differences")
 
 
 class Scenario(Section):

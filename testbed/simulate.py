@@ -14,6 +14,7 @@ import numpy as np
 from aircraft.plant import Plant
 from filters.barrier import Barrier, PairValues, all_pairs
 from filters.collision import Decision, Filter
+from filters.monitor import Monitor
 from filters.qp import Status
 from filters.unicycle import Array, Command, Limits, State, View
 from testbed import catalogue, guarantees
@@ -77,11 +78,19 @@ class _Flight:
         tally = Tally(s.vehicles)
         tally.positions(np.zeros(1), _position(start)[None], goal, s.goal_radius_m, i, j)
         recorder = Recorder(self.sink)
-        end = self._loop(plant, catalogue.filter_(s, barrier, goal), barrier, limits, goal, tally, recorder)
+        filter_ = catalogue.filter_(s, barrier, goal)
+        end = self._loop(plant, filter_, barrier, limits, goal, tally, recorder)
         recorder.close()
         verdicts = guarantees.judge(s, tally, i, j, started_safe, end)
-        wall = time.perf_counter() - began
-        return Run(_manifest(s, tally, end), verdicts, {"wall_s": wall})
+        manifest = _manifest(s, tally, end)
+        if isinstance(filter_, Monitor):
+            verdicts += guarantees.monitored(filter_.record, s.rates.filter_dt_s)
+            manifest["qp_cost"] = {
+                "steps": filter_.record.compared,
+                "centralised": filter_.record.cost,
+                "limited": filter_.record.cost_limited,
+            }
+        return Run(manifest, verdicts, {"wall_s": time.perf_counter() - began})
 
     def _loop(
         self,

@@ -101,3 +101,16 @@ def test_sharing_the_manoeuvre_puts_the_counterexample_outside_the_safe_set() ->
 
     with pytest.raises(UserError, match=r"outside the safe set: h = -0\.246 for vehicles 1 and 2"):
         run(load("paper-counterexample", ["shared=true", "barrier.pairs=[]"]))
+
+
+@pytest.mark.slow
+def test_the_theorems_hold_step_by_step_on_the_circle_and_their_second_premise_does_not() -> None:
+    result = run(load("paper-20-turn", ["filter.monitor=true", "duration_s=9.5", "filter_dt_s=0.01"]))
+    verdicts = {g["id"]: g["verdict"] for g in result.guarantees if g["id"].startswith("monitor")}
+    assert {k for k, v in verdicts.items() if v == "violated"} == set()
+    for name in ("limited_is_safe", "gamma_is_safe", "gamma_is_safe_limited", "solvable", "solvable_limited"):
+        assert verdicts[f"monitor-{name}"] == "holds"
+    # disjoint active pairs have inner product zero, others negative ones
+    assert verdicts["monitor-aligned"] == verdicts["monitor-aligned_limited"] == "premise not met"
+    cost = result.manifest["qp_cost"]
+    assert 0 < cost["centralised"] <= cost["limited"]
