@@ -20,6 +20,8 @@ from filters.qp import Status
 from filters.rows import Alpha, OwnRows, PerPair, Rows, barrier_rows, least, limited_rows, observed_rows
 from filters.unicycle import Array, Command, Limits, View
 
+Indices = NDArray[np.intp]
+
 # Smallest change of a command that counts as the filter's doing [m/s, rad/s, m/s]; QPs are solved to 1e-9.
 OVERRIDE = 1e-6
 
@@ -90,9 +92,12 @@ class CollisionFilter:
                     "safe set; give one barrier for all pairs, or say shared=False to study just that"
                 )
             barrier = PerPair(own)
+        elif isinstance(barrier, Sequence):
+            raise ValueError("an empty list of barriers; give one for all pairs, or one per pair")
         if mode not in ("centralised", "limited"):
             raise ValueError(f"mode is 'centralised' or 'limited', not {mode!r}")
-        self.barrier, self.alpha, self.mode = barrier, alpha, mode
+        self.barrier: Barrier = barrier
+        self.alpha, self.mode = alpha, mode
 
     def rows(self, view: View) -> Rows:
         """The rows of all pairs, from what each vehicle knows of itself."""
@@ -158,7 +163,7 @@ class Problem:
         short = rows.rhs - rows.left(u)
         return u, status, _worst_of(len(u), (i, short), (j, short))
 
-    def _joint(self, rows: Rows, vehicles: Array, use: Array) -> tuple[Array, int]:
+    def _joint(self, rows: Rows, vehicles: Indices, use: Indices) -> tuple[Array, int]:
         place = np.zeros(len(self.target), dtype=int)
         place[vehicles] = np.arange(vehicles.size)
         matrix = np.zeros((use.size, vehicles.size, 3))
@@ -180,7 +185,7 @@ class Problem:
                 u[n], status[n] = self._solve(np.array([n]), rows.lie[use], rows.rhs[use])
         return u, status, _worst_of(len(u), (vehicle, rows.rhs - rows.left(u)))
 
-    def _solve(self, vehicles: Array, matrix: Array, rhs: Array) -> tuple[Array, int]:
+    def _solve(self, vehicles: Indices, matrix: Array, rhs: Array) -> tuple[Array, int]:
         lower, upper = self.lower[vehicles], self.upper[vehicles]
         solution = qp.solve(self.target[vehicles].ravel(), matrix, rhs, lower.ravel(), upper.ravel())
         u = solution.u.reshape(-1, 3)
@@ -209,7 +214,7 @@ def _worst_of(n: int, *shortfalls: tuple[NDArray[np.intp], Array]) -> Array:
     return worst
 
 
-def _groups(n: int, i: Array, j: Array) -> NDArray[np.int_]:
+def _groups(n: int, i: Indices, j: Indices) -> NDArray[np.int_]:
     """A label (N,) per vehicle, equal where rows between i and j (R,) join vehicles."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

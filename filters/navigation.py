@@ -9,11 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from filters.collision import Decision, Problem, decision, input_set
 from filters.qp import Status
 from filters.unicycle import Array, Command, Limits, View
+
+Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ class NavigationFilter:
         u = np.minimum(np.maximum(wanted, problem.lower), problem.upper)
         return decision(problem, u, np.full(n, int(Status.NONE)), np.zeros(n), None, np.zeros(0))
 
-    def gradient(self, view: View) -> Array:
+    def gradient(self, view: View) -> Complex:
         """The direction (N,), east + 1j north, that each vehicle flies away from: grad V and the swirl."""
         own = view.own().state
         place = own.x + 1j * own.y
@@ -109,7 +111,7 @@ class NavigationFilter:
         share = np.where(sensed, _fade((self.sensing_range - distance) / self.sensing_range), 0.0)
         return np.asarray(slope - self.swirl * np.abs(slope) * np.sum(share * across, axis=1))
 
-    def _potential(self, place: Array, seen: Array, sensed: Array) -> Array:
+    def _potential(self, place: Complex, seen: Complex, sensed: NDArray[np.bool_]) -> Array:
         """V (N,) of each vehicle were it at `place` (N,), the others where it sees them (N, N)."""
         goal, start = np.asarray(self.goal), np.asarray(self.start)
         left = np.abs(place - goal)
@@ -131,7 +133,7 @@ def _fade(r: Array) -> Array:
     return np.where(r < 0.5, r**2, 1.0 - (1.0 - r) ** 2)
 
 
-def _plane(points: ArrayLike, name: str) -> Array:
+def _plane(points: ArrayLike, name: str) -> Complex:
     p = np.asarray(points, dtype=float)
     if p.ndim != 2 or p.shape[1] not in (2, 3) or not np.isfinite(p).all():
         raise ValueError(f"{name} must be finite points (N, 2) or (N, 3) in metres, got shape {p.shape}")
