@@ -21,6 +21,7 @@ from testbed.errors import UserError
 from testbed.nominal import Constant, NearIdentity, NominalController
 from testbed.scenario import Scenario
 from testbed.start import generators, places
+from testbed.start import generators, places
 
 PACKAGES = ("jsbsim", "osqp", "numpy", "scipy", "pandas", "pyarrow")
 
@@ -119,7 +120,7 @@ def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
         gain=p.heading_gain_per_s,
         path_radius=p.path_radius_m,
         path_gain=p.path_gain,
-        exponent=p.exponent,
+        exponent=p.potential_exponent,
         swirl=p.swirl,
         vehicle_radius=p.vehicle_radius_m,
         vehicle_margin=p.vehicle_margin_m,

@@ -216,7 +216,7 @@ class Navigation(Section):
     heading_gain_per_s: Positive = 0.6
     path_radius_m: Positive = Field(default=20.0, description="r_p: closer to the goal the path fades")
     path_gain: NonNegative = Field(default=20.0, description="K_p: pull towards the line from start to goal")
-    exponent: Positive = Field(default=0.2, description="k of the navigation function")
+    potential_exponent: Positive = Field(default=0.2, description="k of the navigation function")
     swirl: NonNegative = Field(default=0.08, description="K_s: share of the gradient across lines of sight")
     vehicle_radius_m: NonNegative = Field(default=0.0, description="rho_j: contact with a vehicle")
     vehicle_margin_m: Positive = Field(default=5.0, description="delta_j: a vehicle repels from there on")
