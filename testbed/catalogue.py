@@ -21,7 +21,6 @@ from testbed.errors import UserError
 from testbed.nominal import Constant, NearIdentity, NominalController
 from testbed.scenario import Scenario
 from testbed.start import generators, places
-from testbed.start import generators, places
 
 PACKAGES = ("jsbsim", "osqp", "numpy", "scipy", "pandas", "pyarrow")
 
