@@ -153,14 +153,15 @@ class Problem:
         kept = ~(worst >= rows.rhs)
         u = self.clipped()
         status = np.full(len(u), int(Status.SOLVED))
-        broken = kept & (rows.left(u) < rows.rhs)
+        short = rows.rhs - rows.left(u)
+        broken = kept & (short > 0)
         if broken.any():
             group = _groups(len(u), i[kept], j[kept])
             for g in np.unique(group[i[broken]]):
                 inside = np.flatnonzero(group == g)
                 use = np.flatnonzero(kept & (group[i] == g))
                 u[inside], status[inside] = self._joint(rows, inside, use)
-        short = rows.rhs - rows.left(u)
+            short = rows.rhs - rows.left(u)
         return u, status, _worst_of(len(u), (i, short), (j, short))
 
     def _joint(self, rows: Rows, vehicles: Indices, use: Indices) -> tuple[Array, int]:
@@ -177,13 +178,15 @@ class Problem:
         vehicle = rows.vehicle
         u = self.clipped()
         status = np.full(len(u), int(Status.SOLVED))
-        broken = rows.left(u) < rows.rhs
+        short = rows.rhs - rows.left(u)
+        broken = short > 0
         if broken.any():
             kept = ~(least(rows.lie, self.lower[vehicle], self.upper[vehicle]) >= rows.rhs)
             for n in np.unique(vehicle[kept & broken]):
                 use = kept & (vehicle == n)
                 u[n], status[n] = self._solve(np.array([n]), rows.lie[use], rows.rhs[use])
-        return u, status, _worst_of(len(u), (vehicle, rows.rhs - rows.left(u)))
+            short = rows.rhs - rows.left(u)
+        return u, status, _worst_of(len(u), (vehicle, short))
 
     def _solve(self, vehicles: Indices, matrix: Array, rhs: Array) -> tuple[Array, int]:
         lower, upper = self.lower[vehicles], self.upper[vehicles]
