@@ -49,13 +49,14 @@ class Identified(_Strict):
 
 
 class Airframe(_Strict):
-    """`airframe.toml`. Gains are SI, section -> name -> value; section.name is the property ap/section-name."""
+    """`airframe.toml`. Gains are SI, section -> name -> value; section.name is property ap/section-name."""
 
     name: str
     title: str
     model: str = Field(description="the JSBSim model, MODEL.xml in the folder")
     licence: str
     speeds: Speeds
+    surfaces: dict[str, str] = Field(description="telemetry name -> JSBSim property, rad")
     gains: dict[str, dict[str, Finite]]
     identified: Identified | None = None
     folder: Path = Field(exclude=True)
@@ -65,7 +66,7 @@ class Airframe(_Strict):
         return {f"{s}_{n}": v for s, names in self.gains.items() for n, v in names.items()}
 
     def with_gains(self, changes: dict[str, float]) -> Airframe:
-        """A copy with some gains changed: {"turn.bandwidth_radps": 7.0}. Raises KeyError on an unknown gain."""
+        """A copy with some gains changed, {"turn.damping": 0.9}. Raises KeyError on an unknown gain."""
         gains = {s: dict(names) for s, names in self.gains.items()}
         for key, value in changes.items():
             section, _, name = key.partition(".")
@@ -93,7 +94,8 @@ def load(name_or_folder: str | Path) -> Airframe:
     path = folder / "airframe.toml"
     if not path.is_file():
         raise FileNotFoundError(
-            f"no airframe {name_or_folder}: {path} does not exist; there are {', '.join(names())}, or give a folder"
+            f"no airframe {name_or_folder}: {path} does not exist; "
+            f"there are {', '.join(names())}, or give a folder"
         )
     try:
         return Airframe(**tomllib.loads(path.read_text()), folder=folder.resolve())

@@ -2,8 +2,8 @@
 
     python -m aircraft.autopilot aircraft/airframes/x8
 
-The XML is committed and flies in any JSBSim host; this module is how it is written, `airframes/autopilot.eq` is
-what it says. One equation becomes one named component, its formula in the comment above it.
+The XML is committed and flies in any JSBSim host; this module is how it is written, `airframes/autopilot.eq`
+is what it says. One equation becomes one named component, its formula in the comment above it.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Equations:
 
 
 def property_name(name: str) -> str:
-    """The JSBSim property of an equation's name or of a gain's: `turn_bandwidth_radps` -> ap/turn-bandwidth-radps."""
+    """The JSBSim property of an equation or a gain: `turn_damping` is ap/turn-damping."""
     return "ap/" + name.replace("_", "-")
 
 
@@ -120,7 +120,7 @@ def system_xml(equations: Equations, gains: Mapping[str, float]) -> str:
     properties = {n: property_name(n) for n in names} | equations.uses
     lines = [
         '<?xml version="1.0"?>',
-        "<!-- Made by `python -m aircraft.autopilot` from airframes/autopilot.eq and airframe.toml: edit those. -->",
+        "<!-- Made by `python -m aircraft.autopilot` from autopilot.eq and airframe.toml: edit those. -->",
         '<system name="autopilot">',
     ]
     defaults = dict(equations.inputs) | dict(gains) | dict.fromkeys(assigned, 0.0)

@@ -1,8 +1,8 @@
 """The shared origin of a fleet: east-north-up coordinates on the WGS 84 ellipsoid.
 
-x and y are measured in the plane that touches the ellipsoid's vertical at the origin, z is the difference of
-geodetic heights. Velocities are rotated into the same plane, so d(x, y)/dt is the velocity's east and north part
-exactly, however far away.
+x and y are measured in the plane that is level at the origin, z is the difference of geodetic heights.
+Velocities are rotated into the same plane, so d(x, y)/dt is the velocity's east and north part exactly,
+however far away.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-M_PER_FT = 0.3048
 _A_M = 6378137.0
 _B_M = 6356752.3142
 _E2 = 1.0 - (_B_M / _A_M) ** 2
@@ -37,7 +36,7 @@ def ecef(latitude: float, longitude: float, altitude: float) -> Array:
 
 
 def geodetic(position: Array) -> tuple[float, float, float]:
-    """Latitude, longitude [rad] and altitude [m] of an ECEF position [m]; converges to rounding near the ground."""
+    """Latitude, longitude [rad] and altitude [m] of an ECEF position [m]; to rounding near the ground."""
     x, y, z = (float(c) for c in position)
     ring = math.hypot(x, y)
     latitude = math.atan2(z, ring * (1.0 - _E2))
@@ -81,9 +80,12 @@ class Origin:
             up += self.altitude_m + z - altitude
         return latitude, longitude, self.altitude_m + z
 
-    def enu(self, track: Array) -> Array:
-        """East-north-up positions [m] of rows (ECEF x, y, z [ft], geodetic altitude [ft]): (..., 4) -> (..., 3)."""
-        metres = np.asarray(track) * M_PER_FT
-        out = (metres[..., :3] - self.position) @ self.axes.T
-        out[..., 2] = metres[..., 3] - self.altitude_m
+    def enu(self, position: Array, altitude: Array) -> Array:
+        """East-north-up positions (..., 3) of ECEF positions (..., 3) and geodetic altitudes (...), in m."""
+        out: Array = (position - self.position) @ self.axes.T
+        out[..., 2] = altitude - self.altitude_m
         return out
+
+    def horizontal(self, velocity: Array) -> Array:
+        """East and north parts (..., 2) of ECEF velocities (..., 3), m/s."""
+        return np.asarray(velocity @ self.axes[:2].T)

@@ -1,11 +1,12 @@
 """One JSBSim aircraft in SI and east-north-up: the only import of jsbsim, the only place with feet.
 
-What JSBSim lets pass in silence is an exception here; see `Fdm` for the order of calls it needs.
+What JSBSim lets pass in silence is an exception here; `Fdm` keeps the order of calls it needs.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jsbsim
@@ -14,9 +15,12 @@ from numpy.typing import NDArray
 
 from aircraft.airframe import Airframe
 from aircraft.autopilot import property_name
-from aircraft.earth import M_PER_FT, Origin, enu_axes
+from aircraft.earth import Origin, enu_axes
 
 Array = NDArray[np.float64]
+
+M_PER_FT = 0.3048
+_EULER = 1.0  # JSBSim's number for the rectangular Euler integrator
 
 # What the wrapper reads and writes in every airframe, by the name it has here.
 _NODES = {
@@ -30,6 +34,9 @@ _NODES = {
     "u_ic": "ic/u-fps",
     "v_ic": "ic/v-fps",
     "w_ic": "ic/w-fps",
+    "p_ic": "ic/p-rad_sec",
+    "q_ic": "ic/q-rad_sec",
+    "r_ic": "ic/r-rad_sec",
     "x": "position/ecef-x-ft",
     "y": "position/ecef-y-ft",
     "z": "position/ecef-z-ft",
@@ -43,36 +50,43 @@ _NODES = {
     "wind_north": "atmosphere/wind-north-fps",
     "wind_down": "atmosphere/wind-down-fps",
     "udot": "accelerations/udot-ft_sec2",
+    "vdot": "accelerations/vdot-ft_sec2",
     "wdot": "accelerations/wdot-ft_sec2",
+    "pdot": "accelerations/pdot-rad_sec2",
     "qdot": "accelerations/qdot-rad_sec2",
+    "rdot": "accelerations/rdot-rad_sec2",
+    "alpha": "aero/alpha-rad",
+    "beta": "aero/beta-rad",
     "elevator": "fcs/elevator-cmd-norm",
     "aileron": "fcs/aileron-cmd-norm",
     "throttle": "fcs/throttle-cmd-norm",
+    "velocity_integrator": "simulation/integrator/rate/translational",
     "on": "ap/on",
     "v_command": "ap/v-cmd-mps",
     "omega_command": "ap/omega-cmd-radps",
     "zeta_command": "ap/zeta-cmd-mps",
     "omega": "ap/omega-radps",
     "elevator_wanted": "ap/elevator-norm",
+    "aileron_wanted": "ap/aileron-norm",
     "throttle_wanted": "ap/throttle-wanted",
     "climb_integral": "ap/climb-integral-mps2",
     "speed_integral": "ap/speed-integral-mps2",
+    "turn_integral": "ap/turn-integral-radps",
 }
 
-# Telemetry: name with unit -> property and the factor to SI.
+# Telemetry: name with unit -> property, factor to SI and offset. The airframe's surfaces come on top.
 TELEMETRY = {
-    "roll_rad": ("attitude/phi-rad", 1.0),
-    "pitch_rad": ("attitude/theta-rad", 1.0),
-    "alpha_rad": ("aero/alpha-rad", 1.0),
-    "beta_rad": ("aero/beta-rad", 1.0),
-    "airspeed_mps": ("velocities/vt-fps", M_PER_FT),
-    "load_factor": ("accelerations/Nz", 1.0),
-    "throttle": ("fcs/throttle-pos-norm", 1.0),
-    "elevator_rad": ("fcs/elevator-pos-rad", 1.0),
-    "aileron_rad": ("fcs/aileron-pos-rad", 1.0),
-    "limited_v": ("ap/limited-v", 1.0),
-    "limited_omega": ("ap/limited-omega", 1.0),
-    "limited_zeta": ("ap/limited-zeta", 1.0),
+    "roll_rad": ("attitude/phi-rad", 1.0, 0.0),
+    "pitch_rad": ("attitude/theta-rad", 1.0, 0.0),
+    "heading_rad": ("attitude/psi-rad", -1.0, math.pi / 2),  # counter-clockwise from east, as the course
+    "alpha_rad": ("aero/alpha-rad", 1.0, 0.0),
+    "beta_rad": ("aero/beta-rad", 1.0, 0.0),
+    "airspeed_mps": ("velocities/vt-fps", M_PER_FT, 0.0),
+    "load_factor": ("accelerations/Nz", 1.0, 0.0),
+    "throttle": ("fcs/throttle-pos-norm", 1.0, 0.0),
+    "limited_v": ("ap/limited-v", 1.0, 0.0),
+    "limited_omega": ("ap/limited-omega", 1.0, 0.0),
+    "limited_zeta": ("ap/limited-zeta", 1.0, 0.0),
 }
 
 
@@ -104,7 +118,7 @@ class _Quiet(jsbsim.FGLogger):
 
 @dataclass(frozen=True)
 class Start:
-    """Where an aircraft begins: ENU position [m], course [rad], ground speed and climb rate [m/s], wind [m/s ENU]."""
+    """Where an aircraft begins: position [m], course [rad], ground speed, climb rate and wind [m/s], ENU."""
 
     x: float
     y: float
@@ -115,32 +129,48 @@ class Start:
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
+@dataclass(frozen=True)
+class Trim:
+    """Steady flight: attitude, angles to the air [rad], commands [-1, 1] and [0, 1], airspeed [m/s]."""
+
+    roll: float
+    pitch: float
+    yaw: float  # JSBSim's: clockwise from north
+    alpha: float
+    beta: float
+    elevator: float
+    aileron: float
+    throttle: float
+    airspeed: float
+
+
 class Fdm:
-    """One aircraft with its autopilot, trimmed at `start` and flying from then on.
+    """One aircraft with its autopilot.
 
     JSBSim keeps the dt it was loaded with and cannot load twice or restore a state: a new run is a new Fdm.
-    Nothing here sets position, attitude or rates after construction; `run` takes commands and wind.
-    Raises  FdmError when the model is missing, malformed, lacks a property or cannot be trimmed at `start`.
+    Call `start` once, then `command` and `run`; nothing sets position, attitude or rates after `start`.
+    Raises  FdmError when the model is missing, malformed, lacks a property or cannot be trimmed.
     """
 
-    def __init__(self, airframe: Airframe, dt: float, origin: Origin, start: Start) -> None:
+    def __init__(self, airframe: Airframe, dt: float, origin: Origin) -> None:
         self.airframe = airframe
         self.origin = origin
+        self._integrator = 0.0  # the one to return to after the first period
         self._fdm = self._load(dt)
-        self._nodes = {name: self.node(path) for name, path in _NODES.items()}
-        self._telemetry = {name: (self.node(path), k) for name, (path, k) in TELEMETRY.items()}
+        n = self._nodes = {name: self.node(path) for name, path in _NODES.items()}
+        surfaces = {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
+        self._telemetry = {
+            name: (self.node(path), k, offset) for name, (path, k, offset) in (TELEMETRY | surfaces).items()
+        }
         for name, value in airframe.gain_values().items():
             self.node(property_name(name)).set_double_value(value)
-        self._start(start)
-        n = self._nodes
-        self._track = [n[k].get_double_value for k in ("x", "y", "z", "altitude")]
-        self._theta = start.theta
-        self._theta = self._unwrapped_course()
+        self._position = tuple(n[k].get_double_value for k in ("x", "y", "z", "altitude"))
+        self._motion = tuple(n[k].get_double_value for k in ("u", "v", "w", "climb", "omega"))
 
     # -- loading
 
     def _load(self, dt: float) -> jsbsim.FGFDMExec:
-        """A JSBSim instance with this airframe's model, its aircraft, engine and systems all from the folder."""
+        """A JSBSim instance with this airframe's model; engine and systems come from the folder too."""
         folder, model = self.airframe.folder, self.airframe.model
         log = _Quiet()
         jsbsim.set_logger(log)
@@ -173,93 +203,116 @@ class Fdm:
 
     # -- starting
 
-    def _place(self, start: Start) -> tuple[float, Array, Array]:
-        """Write the start's place; returns the heading [rad, clockwise from north], the air-relative and the
-        ground velocity [m/s, north-east-down at the aircraft]."""
+    def trim(self, start: Start, omega: float = 0.0) -> Trim:
+        """Steady flight at the start's place and air-relative velocity, turning at course rate `omega` [rad/s].
+
+        Leaves JSBSim initialised there without wind and the commands set. Raises FdmError if there is none.
+        """
+        from scipy.optimize import root
+
+        n = self._nodes
+        air, _ = self._place(start)
+        speed = float(np.linalg.norm(air))
+        if not speed > 0:
+            raise FdmError(f"{self.airframe.name} cannot fly at airspeed {speed:g} m/s")
+        heading, climb = math.atan2(air[1], air[0]), math.asin(-air[2] / speed)
+        n["on"].set_double_value(0.0)
+
+        def residuals(unknown: Array) -> list[float]:
+            roll, above, aside, elevator, aileron, throttle = unknown
+            for name, value in (("elevator", elevator), ("aileron", aileron), ("throttle", throttle)):
+                n[name].set_double_value(value)
+            self._initial((roll, climb + above, heading + aside), air, -omega)
+            return [n[k].get_double_value() for k in ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")]
+
+        bank = -math.atan(speed * omega / 9.80665)
+        x = root(residuals, [bank, 0.05 / math.cos(bank), 0.0, 0.0, 0.0, 0.4], tol=1e-13).x
+        missed = max(map(abs, residuals(x)))
+        roll, above, aside, elevator, aileron, throttle = map(float, x)
+        if not (missed < 1e-6 and abs(elevator) <= 1 and abs(aileron) <= 1 and 0 <= throttle <= 1):
+            raise FdmError(
+                f"{self.airframe.name} cannot fly steadily at ground speed {start.v:g} m/s, climb "
+                f"{start.zeta:g} m/s and turn {omega:g} rad/s in wind {start.wind} m/s, airspeed {speed:.2f} m/s (elevator "
+                f"{elevator:.2f}, throttle {throttle:.2f}, residual {missed:.1e}): stay within its envelope"
+            )
+        alpha, beta = n["alpha"].get_double_value(), n["beta"].get_double_value()
+        return Trim(roll, climb + above, heading + aside, alpha, beta, elevator, aileron, throttle, speed)
+
+    def start(self, start: Start) -> Trim:
+        """Trim, take the start's place, velocity and wind, settle the autopilot's states and switch it on."""
+        n = self._nodes
+        trim = self.trim(start)
+        # JSBSim's initial altitude is not exactly geodetic: 1.6 mm low at 300 m.
+        low = self.origin.altitude_m + start.z - n["altitude"].get_double_value() * M_PER_FT
+        _, ground = self._place(start)
+        n["altitude_ic"].set_double_value(n["altitude_ic"].get_double_value() + low / M_PER_FT)
+        self._initial((trim.roll, trim.pitch, trim.yaw), ground, 0.0)
+        self._wind(start.wind)
+        self.command(start.v, 0.0, start.zeta)
+        # run_ic knew no wind: evaluate everything again without moving, and let no old acceleration into the first
+        # period, which Adams-Bashforth would take.
+        self._still()
+        self._integrator = n["velocity_integrator"].get_double_value()
+        n["velocity_integrator"].set_double_value(_EULER)
+        n["on"].set_double_value(1.0)
+        for _ in range(2):  # elevator and throttle depend a little on each other's integrator
+            self._settle("aileron_wanted", trim.aileron, "turn_integral")
+            self._settle("elevator_wanted", trim.elevator, "climb_integral")
+            self._settle("throttle_wanted", trim.throttle, "speed_integral")
+        for _ in range(3):
+            self._still()
+        return trim
+
+    def _place(self, start: Start) -> tuple[Array, Array]:
+        """Write the start's place; returns air-relative and ground velocity [m/s], north-east-down."""
         latitude, longitude, altitude = self.origin.geodetic(start.x, start.y, start.z)
         n = self._nodes
         n["ground_ic"].set_double_value(self.origin.ground_m / M_PER_FT)
         n["latitude_ic"].set_double_value(latitude)
         n["longitude_ic"].set_double_value(longitude)
         n["altitude_ic"].set_double_value(altitude / M_PER_FT)
-        to_local = enu_axes(latitude, longitude) @ self.origin.axes.T
-        ground = to_local @ np.array([start.v * math.cos(start.theta), start.v * math.sin(start.theta), 0.0])
-        ground[2] = start.zeta
-        air = ground - np.asarray(start.wind)
-        ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-        return math.atan2(air[0], air[1]), ned @ air, ned @ ground
+        # Course and speed are in the origin's plane: find the level velocity here whose projection they are.
+        to_origin = self.origin.axes[:2] @ enu_axes(latitude, longitude).T
+        course = np.array([math.cos(start.theta), math.sin(start.theta)])
+        east, north = np.linalg.solve(to_origin[:, :2], start.v * course - to_origin[:, 2] * start.zeta)
+        ground = np.array([north, east, -start.zeta])
+        wind_east, wind_north, wind_up = start.wind
+        return ground - np.array([wind_north, wind_east, -wind_up]), ground
 
-    def _initial(self, heading: float, pitch: float, velocity: Array) -> None:
-        """Run JSBSim's initialisation, wings level, at a velocity [m/s, north-east-down over the ground]."""
+    def _initial(self, attitude: tuple[float, float, float], velocity: Array, yaw_rate: float) -> None:
+        """Initialise at roll, pitch, yaw [rad], velocity over the ground [m/s, north-east-down] and the yaw rate
+        of a steady turn [rad/s, clockwise]."""
         n = self._nodes
-        sh, ch, sp, cp = math.sin(heading), math.cos(heading), math.sin(pitch), math.cos(pitch)
-        body = np.array([[cp * ch, cp * sh, -sp], [-sh, ch, 0.0], [sp * ch, sp * sh, cp]]) @ velocity
-        n["roll_ic"].set_double_value(0.0)
-        n["pitch_ic"].set_double_value(pitch)
-        n["yaw_ic"].set_double_value(heading)
-        for name, value in zip(("u_ic", "v_ic", "w_ic"), body, strict=True):
-            n[name].set_double_value(value / M_PER_FT)
+        (sr, sp, sy), (cr, cp, cy) = np.sin(attitude), np.cos(attitude)
+        u, v, w = (
+            np.array(
+                [
+                    [cp * cy, cp * sy, -sp],
+                    [sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp],
+                    [cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp],
+                ]
+            )
+            @ velocity
+            / M_PER_FT
+        )
+        rates = {"p_ic": -sp * yaw_rate, "q_ic": sr * cp * yaw_rate, "r_ic": cr * cp * yaw_rate}
+        angles = dict(zip(("roll_ic", "pitch_ic", "yaw_ic"), attitude, strict=True))
+        for name, value in (angles | {"u_ic": u, "v_ic": v, "w_ic": w} | rates).items():
+            n[name].set_double_value(float(value))
         self._fdm.set_trim_status(True)  # actuators take their commands at once
         self._fdm.run_ic()
         self._fdm.set_trim_status(False)
 
-    def _start(self, start: Start) -> None:
-        """Trim in still air at the air-relative velocity, then start at the ground velocity in the wind."""
-        n = self._nodes
-        heading, air, ground = self._place(start)
-        pitch = self._trim(heading, air, start)
-        # JSBSim's initial altitude is not exactly geodetic: 1.6 mm low at 300 m.
-        low = self.origin.altitude_m + start.z - n["altitude"].get_double_value() * M_PER_FT
-        n["altitude_ic"].set_double_value(n["altitude_ic"].get_double_value() + low / M_PER_FT)
-        self._initial(heading, pitch, ground)
-        self._wind(start.wind)
-        n["v_command"].set_double_value(start.v)
-        n["omega_command"].set_double_value(0.0)
-        n["zeta_command"].set_double_value(start.zeta)
-        # run_ic knew no wind: evaluate everything again without moving until no history holds its forces.
-        for _ in range(5):
-            self._still()
-        elevator, throttle = (n[k].get_double_value() for k in ("elevator", "throttle"))
-        n["on"].set_double_value(1.0)
-        self._settle("elevator_wanted", elevator, "climb_integral")
-        self._settle("throttle_wanted", throttle, "speed_integral")
-        self._still()
-
-    def _trim(self, heading: float, air: Array, start: Start) -> float:
-        """Find pitch, elevator and throttle for unaccelerated flight; leaves the commands set, returns pitch [rad]."""
-        from scipy.optimize import root
-
-        n = self._nodes
-        speed = float(np.linalg.norm(air))
-        climb = math.asin(-air[2] / speed) if speed > 0 else 0.0
-
-        def residuals(unknown: Array) -> list[float]:
-            alpha, elevator, throttle = unknown
-            n["elevator"].set_double_value(elevator)
-            n["throttle"].set_double_value(throttle)
-            self._initial(heading, climb + alpha, air)
-            return [n[k].get_double_value() for k in ("udot", "wdot", "qdot")]
-
-        n["on"].set_double_value(0.0)
-        n["aileron"].set_double_value(0.0)
-        found = root(residuals, [0.05, 0.0, 0.4], tol=1e-13)
-        alpha, elevator, throttle = found.x
-        if max(map(abs, residuals(found.x))) > 1e-6 or not (abs(elevator) <= 1 and 0 <= throttle <= 1):
-            raise FdmError(
-                f"{self.airframe.name} cannot fly steadily at ground speed {start.v:g} m/s, climb {start.zeta:g} m/s "
-                f"in wind {start.wind} m/s (airspeed {speed:.2f} m/s): alpha {math.degrees(alpha):.1f} deg, "
-                f"elevator {elevator:.2f}, throttle {throttle:.2f}; start within its envelope"
-            )
-        return climb + float(alpha)
-
     def _still(self) -> None:
-        """Evaluate all models without moving: suspended, JSBSim's dt is 0."""
+        """Evaluate all models without moving (suspended, dt is 0); actuators take their commands at once."""
+        self._fdm.set_trim_status(True)
         self._fdm.suspend_integration()
         self._fdm.run()
         self._fdm.resume_integration()
+        self._fdm.set_trim_status(False)
 
     def _settle(self, wanted: str, target: float, integral: str) -> None:
-        """Choose an integrator's state so that the autopilot's output is `target` (secant; the map is monotone)."""
+        """Choose an integrator's state so that the autopilot's output is `target`, by secants."""
         n = self._nodes
 
         def miss(value: float) -> float:
@@ -292,47 +345,51 @@ class Fdm:
         n["wind_north"].set_double_value(wind[1] / M_PER_FT)
         n["wind_down"].set_double_value(-wind[2] / M_PER_FT)
 
-    def run(self, wind: tuple[float, float, float], n: int) -> Array:
-        """Fly n periods in `wind` [m/s, east, north, up]; returns the positions after each, (n, 3) m."""
+    def run(self, wind: tuple[float, float, float], n: int) -> list[tuple[float, ...]]:
+        """Fly n periods in `wind` [m/s, east, north, up]; returns a row for `positions` after each."""
         if not all(map(math.isfinite, wind)):
             raise ValueError(f"wind must be finite, got {wind}")
         self._wind(wind)
         step = self._fdm.run
-        x, y, z, altitude = self._track
+        x, y, z, altitude = self._position
         rows = []
         for _ in range(n):
             step()
             rows.append((x(), y(), z(), altitude()))
-        self._theta = self._unwrapped_course()
-        return self.origin.enu(np.array(rows))
+            if self._integrator:
+                self._nodes["velocity_integrator"].set_double_value(self._integrator)
+                self._integrator = 0.0
+        return rows
 
-    def _velocity(self) -> Array:
-        """East and north ground velocity in the origin's plane, and climb rate [m/s]."""
-        n = self._nodes
-        earth = np.array([n[k].get_double_value() for k in ("u", "v", "w")]) * M_PER_FT
-        east, north, _ = self.origin.axes @ earth
-        return np.array([east, north, n["climb"].get_double_value() * M_PER_FT])
+    def position(self) -> tuple[float, ...]:
+        """A row for `positions`: where the aircraft is."""
+        return tuple(get() for get in self._position)
 
-    def _unwrapped_course(self) -> float:
-        """The course, within half a turn of the last: it counts turns."""
-        east, north, _ = self._velocity()
-        course = math.atan2(north, east)
-        return self._theta + math.remainder(course - self._theta, 2 * math.pi) if course == course else course
-
-    def pose(self) -> tuple[float, float, float, float]:
-        """x, y [m], course [rad], z [m]."""
-        x, y, z = self.origin.enu(np.array([get() for get in self._track]))
-        return float(x), float(y), self._theta, float(z)
-
-    def rates(self) -> tuple[float, float, float]:
-        """Ground speed [m/s], course rate [rad/s], climb rate [m/s]."""
-        east, north, climb = self._velocity()
-        return math.hypot(east, north), self._nodes["omega"].get_double_value(), float(climb)
+    def motion(self) -> tuple[float, ...]:
+        """A row for `motions`: how the aircraft moves."""
+        return tuple(get() for get in self._motion)
 
     def height_above_ground(self) -> float:
         """Metres over the terrain."""
         return self._nodes["above_ground"].get_double_value() * M_PER_FT
 
     def telemetry(self) -> dict[str, float]:
-        """The channels of `TELEMETRY`, SI."""
-        return {name: node.get_double_value() * k for name, (node, k) in self._telemetry.items()}
+        """The channels of `TELEMETRY` and the airframe's surfaces, SI."""
+        return {
+            name: node.get_double_value() * k + offset for name, (node, k, offset) in self._telemetry.items()
+        }
+
+
+def positions(rows: Sequence[Sequence[float]] | Array, origin: Origin) -> Array:
+    """Rows of `Fdm.run` or `Fdm.position`, (..., 4), as east-north-up positions [m], (..., 3)."""
+    metres = np.asarray(rows, dtype=float) * M_PER_FT
+    return origin.enu(metres[..., :3], metres[..., 3])
+
+
+def motions(rows: Sequence[Sequence[float]] | Array, origin: Origin) -> tuple[Array, Array]:
+    """Rows of `Fdm.motion`, (N, 5), as course [rad, in (-pi, pi]], (N,), and ground speed [m/s], course rate
+    [rad/s] and climb rate [m/s], (N, 3)."""
+    rows = np.asarray(rows, dtype=float)
+    east, north = origin.horizontal(rows[:, :3] * M_PER_FT).T
+    rates = np.stack([np.hypot(east, north), rows[:, 4], rows[:, 3] * M_PER_FT], axis=-1)
+    return np.arctan2(north, east), rates

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aircraft.airframe import Airframe
 from aircraft.earth import Origin
-from aircraft.fdm import TELEMETRY, Fdm, Start
+from aircraft.fdm import Fdm, Start, motions, positions
 from filters.unicycle import Array, Command, State
 
 _GROUND_CONTACT_M = 0.3  # below this the belly skids touch
@@ -51,64 +52,78 @@ class JsbsimFleet:
             raise ValueError(f"{len(self.airframes)} airframes cannot start at {len(state)} poses")
         if not np.all(state.isfinite()):
             raise ValueError(f"the start must be finite, got {state}")
-        self._vehicles = [
-            Fdm(
-                airframe,
-                self.dt,
-                self.origin,
-                Start(*(float(c) for c in pose[[0, 1, 3, 2]]), v=float(v), wind=tuple(map(float, wind))),
-            )
-            for airframe, pose, v, wind in zip(
-                self.airframes, state.array(), self._start_speed, self._start_wind, strict=True
-            )
-        ]
+        self._vehicles = [Fdm(airframe, self.dt, self.origin) for airframe in self.airframes]
+        for vehicle, x, y, theta, z, v, wind in zip(
+            self._vehicles,
+            *state.array().T.tolist(),
+            self._start_speed.tolist(),
+            self._start_wind.tolist(),
+            strict=True,
+        ):
+            vehicle.start(Start(x, y, z, theta, v, wind=tuple(wind)))
         self._faults = [""] * len(state)
-        self._pose = np.array([f.pose() for f in self._vehicles])
-        self._rates = np.array([f.rates() for f in self._vehicles])
+        self._position = positions([f.position() for f in self._vehicles], self.origin)
+        self._theta = state.theta.astype(float).copy()
+        self._rates = np.zeros((len(state), 3))
+        self._move(np.ones(len(state), dtype=bool))
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
-        """Fly `command` (N,) for n periods in `wind` (N, 3); positions (n, N, 3) after each. NaN is refused."""
+        """Fly `command` (N,) for n periods in `wind` (N, 3); returns positions (n, N, 3). NaN is refused."""
         wind = np.broadcast_to(np.asarray(wind, dtype=float), (len(self), 3))
-        if not (np.all(command.isfinite()) and np.all(np.isfinite(wind))):
+        asked = np.broadcast_to(command.array(), (len(self), 3))
+        if not (np.isfinite(asked).all() and np.isfinite(wind).all()):
             raise ValueError(f"command and wind must be finite, got {command} in {wind}")
-        track = np.empty((n, len(self), 3))
-        commands = np.broadcast_to(command.array(), (len(self), 3)).tolist()
-        for i, vehicle in enumerate(self._vehicles):
-            if self._faults[i]:
-                track[:, i] = self._pose[i, [0, 1, 3]]
-                continue
-            vehicle.command(*commands[i])
-            track[:, i] = vehicle.run(tuple(wind[i].tolist()), n)
-            self._note(i, vehicle, track[:, i])
+        flying = np.array([not fault for fault in self._faults])
+        rows = []
+        for vehicle, well, c, w in zip(self._vehicles, flying, asked.tolist(), wind.tolist(), strict=True):
+            if well:
+                vehicle.command(*c)
+                rows.append(vehicle.run((w[0], w[1], w[2]), n))
+        track = np.tile(self._position, (n, 1, 1))
+        if rows:
+            track[:, flying] = positions(rows, self.origin).swapaxes(0, 1)
+        self._end_flights(track, flying)
+        self._position = track[-1].copy()
         return track
 
-    def _note(self, i: int, vehicle: Fdm, track: Array) -> None:
-        """Take the vehicle's new pose and rates, or its fault and the last finite ones."""
-        pose, rates = vehicle.pose(), vehicle.rates()
-        if not np.all(np.isfinite([*pose, *rates])):
-            self._faults[i] = "not finite"
-            ends = ~np.all(np.isfinite(track), axis=1)
-            track[ends] = self._pose[i, [0, 1, 3]] if ends.all() else track[~ends][-1]
-            self._pose[i, [0, 1, 3]] = track[-1]
-            self._rates[i] = 0.0
-            return
-        self._pose[i], self._rates[i] = pose, rates
-        if vehicle.height_above_ground() < _GROUND_CONTACT_M:
-            self._faults[i] = "ground"
-            self._rates[i] = 0.0
+    def _end_flights(self, track: Array, flying: NDArray[np.bool_]) -> None:
+        """Note new faults; a vehicle that has one stays at its last finite position, `track` says so too."""
+        self._move(flying)
+        finite = np.isfinite(track).all(axis=2)
+        well = finite.all(axis=0) & np.isfinite(self._rates).all(axis=1) & np.isfinite(self._theta)
+        for i in np.flatnonzero(flying):
+            if not well[i]:
+                self._faults[i] = "not finite"
+                lost = ~finite[:, i]
+                track[lost, i] = track[~lost, i][-1] if finite[:, i].any() else self._position[i]
+            elif self._vehicles[i].height_above_ground() < _GROUND_CONTACT_M:
+                self._faults[i] = "ground"
+            if self._faults[i]:
+                self._theta[i], self._rates[i] = self._last_theta[i], 0.0
+
+    def _move(self, flying: NDArray[np.bool_]) -> None:
+        """Take course, counting turns, and rates from the vehicles that fly."""
+        self._last_theta = self._theta.copy()
+        if flying.any():
+            rows = [f.motion() for f, well in zip(self._vehicles, flying, strict=True) if well]
+            course, self._rates[flying] = motions(rows, self.origin)
+            turned = course - self._theta[flying]
+            self._theta[flying] += turned - 2 * np.pi * np.round(turned / (2 * np.pi))
 
     def state(self) -> State:
         """Poses (N,): course and east-north-up position, the truth."""
-        return State.of(self._pose.copy())
+        x, y, z = self._position.T.copy()
+        return State(x, y, self._theta.copy(), z)
 
     def achieved(self) -> Command:
         """Ground speed, course rate and climb rate (N,)."""
         return Command.of(self._rates.copy())
 
     def telemetry(self) -> dict[str, Array]:
-        """The channels of `aircraft.fdm.TELEMETRY`, name -> (N,)."""
+        """The channels of `aircraft.fdm.TELEMETRY` and all surfaces, (N,); NaN where an airframe has none."""
         rows = [f.telemetry() for f in self._vehicles]
-        return {name: np.array([row[name] for row in rows]) for name in TELEMETRY}
+        names = dict.fromkeys(name for row in rows for name in row)
+        return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
     def faults(self) -> list[str]:
         """Per vehicle "" or "not finite" or "ground"."""

@@ -1,8 +1,8 @@
-"""KinematicFleet: the unicycle the guarantee is proved on, and the same with identified lags, delays and rates.
+"""KinematicFleet: the unicycle the guarantee is proved on, and the same with identified lags.
 
-The plain unicycle does what it is told, over the ground, whatever the wind. With lags the commands are tracked
-as an autopilot would: the lagged states are ground speed, course rate and climb rate, and a change of wind carries
-the vehicle at once, until the channels have corrected it.
+The plain unicycle does what it is told, over the ground, whatever the wind. With lags the commands are
+tracked as an autopilot would: ground speed, course rate and climb rate lag, and a change of wind carries the
+vehicle at once, until the channels have corrected it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from filters.unicycle import Array, Command, State, step
 
 @dataclass(frozen=True)
 class Lag:
-    """One channel: first-order lag [s] after a pure delay [s], its rate within [rate_min, rate_max] per second."""
+    """One channel: first-order lag [s] after a pure delay [s], the rate bounded [1/s]."""
 
     time_constant_s: float = 0.0
     delay_s: float = 0.0
@@ -78,7 +78,7 @@ class KinematicFleet:
             ]
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
-        """Fly `command` (N,) for n periods in `wind` (N, 3); positions (n, N, 3) after each. NaN is refused."""
+        """Fly `command` (N,) for n periods in `wind` (N, 3); returns positions (n, N, 3). NaN is refused."""
         wind = np.broadcast_to(np.asarray(wind, dtype=float), (self._vehicles, 3))
         if not (np.all(command.isfinite()) and np.all(np.isfinite(wind))):
             raise ValueError(f"command and wind must be finite, got {command} in {wind}")
@@ -128,7 +128,7 @@ class KinematicFleet:
 
     def achieved(self) -> Command:
         """Ground speed, course rate and climb rate (N,)."""
-        return Command.of(self._rates)
+        return Command.of(self._rates.copy())
 
     def telemetry(self) -> dict[str, Array]:
         """Nothing: a unicycle has no attitude."""
