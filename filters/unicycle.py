@@ -6,8 +6,8 @@ ground speed, `omega` the course rate, `zeta` the climb rate (Squires et al. 202
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any, Self
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,36 +18,48 @@ Array = NDArray[np.float64]
 class _Arrays:
     """Fields that are float arrays of one common shape, `(N,)` or, in a View, `(observers, N)`."""
 
+    _names: ClassVar[tuple[str, ...]]
+
+    def __init_subclass__(cls) -> None:
+        cls._names = tuple(cls.__annotations__)
+
     def __post_init__(self) -> None:
-        arrays = np.broadcast_arrays(
-            *(np.asarray(getattr(self, f.name), dtype=float) for f in fields(self))  # type: ignore[arg-type]
-        )
-        for f, a in zip(fields(self), arrays, strict=True):  # type: ignore[arg-type]
-            object.__setattr__(self, f.name, a)
+        values = [getattr(self, name) for name in self._names]
+        shape = getattr(values[0], "shape", None)
+        # Nearly always the fields are arrays of one shape already, and this is on every hot path.
+        if all(type(v) is np.ndarray and v.dtype == np.float64 and v.shape == shape for v in values):
+            return
+        arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in values))
+        for name, a in zip(self._names, arrays, strict=True):
+            object.__setattr__(self, name, a)
 
     @property
     def shape(self) -> tuple[int, ...]:
-        return getattr(self, fields(self)[0].name).shape  # type: ignore[arg-type, no-any-return]
+        return getattr(self, self._names[0]).shape  # type: ignore[no-any-return]
 
     def __len__(self) -> int:
         return self.shape[-1]
 
     def __getitem__(self, index: Any) -> Self:
         """The same fields at `index` of every array: `state[[0, 2]]`, `state[..., i]`."""
-        return type(self)(*(getattr(self, f.name)[index] for f in fields(self)))  # type: ignore[arg-type]
+        return type(self)(*(getattr(self, name)[index] for name in self._names))
 
     def array(self) -> Array:
-        """The fields stacked along a new last axis, in the order they are declared."""
-        return np.stack([getattr(self, f.name) for f in fields(self)], axis=-1)  # type: ignore[arg-type]
+        """The fields stacked along a new last axis, in the order they are declared; a copy."""
+        out = np.empty((*self.shape, len(self._names)))
+        for k, name in enumerate(self._names):
+            out[..., k] = getattr(self, name)
+        return out
 
     @classmethod
     def of(cls, values: ArrayLike) -> Self:
         """The inverse of `array`: the last axis holds the fields in the order they are declared."""
-        return cls(*np.moveaxis(np.asarray(values, dtype=float), -1, 0))
+        values = np.asarray(values, dtype=float)
+        return cls(*(values[..., k] for k in range(len(cls._names))))
 
     def isfinite(self) -> NDArray[np.bool_]:
         """True where every field is finite, of the fields' shape."""
-        return np.all([np.isfinite(getattr(self, f.name)) for f in fields(self)], axis=0)  # type: ignore[arg-type]
+        return np.asarray(np.isfinite(self.array()).all(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,12 +22,11 @@ class Extreme:
 
     def update(self, t: Array | float, value: Array) -> None:
         """Take in `value` (..., size) at times `t` (...)."""
-        if value.ndim == 1:
-            low, when = value, np.full(value.shape, t)
-        else:
-            row = np.argmin(value, axis=0)
-            low, when = np.take_along_axis(value, row[None], axis=0)[0], np.asarray(t)[row]
+        low = value if value.ndim == 1 else value.min(axis=0)
         better = low < self.value
+        if not better.any():
+            return
+        when = t if value.ndim == 1 else np.asarray(t)[np.argmin(value, axis=0)]
         self.value = np.where(better, low, self.value)
         self.t = np.where(better, when, self.t)
 
