@@ -33,7 +33,7 @@ class Decision:
     command         (N,) inside the limits exactly
     status          (N,) `qp.Status` of the QP behind each vehicle's command
     residual        (N,) largest violation [m/s] over all rows of its QP the vehicle is in, dropped or not
-    override        (N,) whether the command differs from the nominal one
+    override        (N,) whether the filter changed the command beyond what the limits force
     deviation       (N,) |u - clip(u_hat)|_inf: what the filter changed beyond what the limits force
     pairs           the filter's own h over all pairs, None if it has none
     hdot_predicted  (P,) L_g h u [m/s] of those pairs under the chosen commands
@@ -255,5 +255,4 @@ def decision(
 ) -> Decision:
     """The decision to fly `u` (N, 3), with what that changed; hdot (P,) is L_g h u of `pairs`."""
     beyond = np.abs(u - problem.clipped()).max(-1)
-    override = np.abs(u - problem.target).max(-1) > OVERRIDE
-    return Decision(Command.of(u), status, residual, override, beyond, pairs, hdot)
+    return Decision(Command.of(u), status, residual, beyond > OVERRIDE, beyond, pairs, hdot)

@@ -143,7 +143,7 @@ def test_far_apart_the_clipped_nominal_flies_and_no_qp_is_solved(mode, monkeypat
     nominal = Command([30.0, 20.0], [0.0, 0.1], [0.0, 0.0])
     decision = CollisionFilter(TURN, ALPHA, mode)(view_of(state), nominal, LIMITS)
     np.testing.assert_array_equal(decision.command.array(), LIMITS.clip(nominal).array())
-    np.testing.assert_array_equal(decision.override, [True, False])
+    np.testing.assert_array_equal(decision.override, [False, False])
     np.testing.assert_array_equal(decision.deviation, [0.0, 0.0])
 
 
