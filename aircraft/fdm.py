@@ -5,6 +5,7 @@ What JSBSim lets pass in silence is an exception here; `Fdm` keeps the order of 
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -116,6 +117,11 @@ class _Quiet(jsbsim.FGLogger):
     def flush(self) -> None: ...
 
 
+def _keep_for_ever(fdm: jsbsim.FGFDMExec) -> None:
+    """Never delete an instance whose model did not load: its destructor may abort the process."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
+
+
 @dataclass(frozen=True)
 class Start:
     """Where an aircraft begins: position [m], course [rad], ground speed, climb rate and wind [m/s], ENU."""
@@ -183,11 +189,11 @@ class Fdm:
                 model, str(folder), str(folder / "engine"), str(folder / "systems"), False
             )
         except RuntimeError as e:
+            _keep_for_ever(fdm)
             raise FdmError(f"{where}: {e} {' '.join(log.errors)}") from None
         if not loaded:
-            raise FdmError(
-                f"{where} or a file it names is missing: {' '.join(log.errors) or 'no more is known'}"
-            )
+            _keep_for_ever(fdm)
+            raise FdmError(f"{where} or a file that it names is missing: {' '.join(log.errors)}")
         return fdm
 
     def node(self, path: str) -> jsbsim.FGPropertyNode:
@@ -204,7 +210,7 @@ class Fdm:
     # -- starting
 
     def trim(self, start: Start, omega: float = 0.0) -> Trim:
-        """Steady flight at the start's place and air-relative velocity, turning at course rate `omega` [rad/s].
+        """Steady flight at the start's place and air-relative velocity, turning at `omega` [rad/s].
 
         Leaves JSBSim initialised there without wind and the commands set. Raises FdmError if there is none.
         """
@@ -232,8 +238,8 @@ class Fdm:
         if not (missed < 1e-6 and abs(elevator) <= 1 and abs(aileron) <= 1 and 0 <= throttle <= 1):
             raise FdmError(
                 f"{self.airframe.name} cannot fly steadily at ground speed {start.v:g} m/s, climb "
-                f"{start.zeta:g} m/s and turn {omega:g} rad/s in wind {start.wind} m/s, airspeed {speed:.2f} m/s (elevator "
-                f"{elevator:.2f}, throttle {throttle:.2f}, residual {missed:.1e}): stay within its envelope"
+                f"{start.zeta:g} m/s, turn {omega:g} rad/s, wind {start.wind} m/s; at airspeed {speed:.2f} "
+                f"m/s the nearest is elevator {elevator:.2f}, throttle {throttle:.2f}, off by {missed:.1e}"
             )
         alpha, beta = n["alpha"].get_double_value(), n["beta"].get_double_value()
         return Trim(roll, climb + above, heading + aside, alpha, beta, elevator, aileron, throttle, speed)
@@ -249,8 +255,8 @@ class Fdm:
         self._initial((trim.roll, trim.pitch, trim.yaw), ground, 0.0)
         self._wind(start.wind)
         self.command(start.v, 0.0, start.zeta)
-        # run_ic knew no wind: evaluate everything again without moving, and let no old acceleration into the first
-        # period, which Adams-Bashforth would take.
+        # run_ic knew no wind: evaluate everything again without moving, and keep the old acceleration, which
+        # Adams-Bashforth would take, out of the first period.
         self._still()
         self._integrator = n["velocity_integrator"].get_double_value()
         n["velocity_integrator"].set_double_value(_EULER)
@@ -280,8 +286,8 @@ class Fdm:
         return ground - np.array([wind_north, wind_east, -wind_up]), ground
 
     def _initial(self, attitude: tuple[float, float, float], velocity: Array, yaw_rate: float) -> None:
-        """Initialise at roll, pitch, yaw [rad], velocity over the ground [m/s, north-east-down] and the yaw rate
-        of a steady turn [rad/s, clockwise]."""
+        """Initialise at roll, pitch, yaw [rad], velocity over the ground [m/s, north-east-down] and the yaw
+        rate of a steady turn [rad/s, clockwise]."""
         n = self._nodes
         (sr, sp, sy), (cr, cp, cy) = np.sin(attitude), np.cos(attitude)
         u, v, w = (
@@ -375,9 +381,9 @@ class Fdm:
 
     def telemetry(self) -> dict[str, float]:
         """The channels of `TELEMETRY` and the airframe's surfaces, SI."""
-        return {
-            name: node.get_double_value() * k + offset for name, (node, k, offset) in self._telemetry.items()
-        }
+        now = {name: node.get_double_value() * k + c for name, (node, k, c) in self._telemetry.items()}
+        now["heading_rad"] = math.remainder(now["heading_rad"], 2 * math.pi)
+        return now
 
 
 def positions(rows: Sequence[Sequence[float]] | Array, origin: Origin) -> Array:
