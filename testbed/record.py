@@ -56,7 +56,14 @@ PAIR_COLUMNS: dict[str, tuple[str, str]] = {
     "h_filter_m": ("m", "the filter's own h; nan where the filter has none"),
     "hdot_predicted_mps": ("m/s", "L_g h u of the unicycle under the commands"),
     "hdot_realised_mps": ("m/s", "change of h_m over the filter period that follows, per second"),
+    "residual_v_mps": ("m/s", "realised minus predicted hdot, the part of the ground speeds' errors"),
+    "residual_omega_mps": ("m/s", "the part of the turn rates' errors, as headings turned"),
+    "residual_zeta_mps": ("m/s", "the part of the climb rates' errors"),
+    "residual_course_mps": ("m/s", "the part of courses turning otherwise than headings"),
 }
+
+# Of these, the ones that only the motion after the instant tells; nan at the last one.
+REALISED_COLUMNS = [name for name in PAIR_COLUMNS if name.startswith(("hdot_realised", "residual"))]
 
 
 class Sink(Protocol):

@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 
 from aircraft.plant import Plant
-from filters.barrier import Barrier, PairValues, all_pairs
+from filters.alpha import OddPolynomial
+from filters.barrier import Barrier, PairValues, TurnBarrier, all_pairs
 from filters.collision import Decision, Filter
 from filters.monitor import Monitor
 from filters.qp import Status
 from filters.unicycle import Array, Command, Limits, State, View
-from testbed import catalogue, guarantees
+from testbed import catalogue, guarantees, ledger
 from testbed.errors import UserError
-from testbed.record import MemorySink, Recorder, Run, Sink
+from testbed.record import REALISED_COLUMNS, Columns, MemorySink, Recorder, Run, Sink
 from testbed.scenario import SCHEMA_VERSION, Scenario
 from testbed.start import generators, places
 from testbed.store import RunWriter, load, staged
@@ -110,8 +111,8 @@ class _Flight:
         steps, dt, n = s.filter_steps, s.rates.filter_dt_s, s.rates.fdm_steps
         offsets = s.rates.fdm_dt_s * np.arange(1, n + 1)
         calm = np.zeros((s.vehicles, 3))
-        held: dict[str, np.ndarray] | None = None
-        h_before = np.empty(0)
+        before: _Before | None = None
+        open_row: Columns | None = None  # of `pairs`, waiting for what the motion makes of it
         end: str | None = None
         for step in range(steps + 1):
             t = step * dt
@@ -120,16 +121,26 @@ class _Flight:
             wanted = waiting.popleft()
             decision = filter_(View(truth, rates), wanted, limits)
             true = _true_pairs(decision, filter_, barrier, truth)
-            if held is not None:
-                recorder.add("pairs", held | {"hdot_realised_mps": (true.h - h_before) / dt})
-                held = None
-            lie = true.lie(truth)
-            _take_in(tally, t, decision, true, limits)
-            tally.admissible.update(t, _admissible(true, lie, alpha(true.h), limits))
-            if step % s.rates.record_steps == 0:
-                recorder.add("vehicles", _vehicle_rows(t, truth, rates, wanted, decision, plant.telemetry()))
-                if i.size:
-                    held, h_before = _pair_rows(t, truth, decision, true, lie), true.h
+            tally.decided(t, dt, decision, wanted, rates, limits)
+            tally.failed(t, decision, bool(np.all(true.h >= 0.0)))
+            recording = step % s.rates.record_steps == 0
+            telemetry = plant.telemetry() if recording or open_row is not None else {}
+            if i.size:
+                lie, alpha_h = true.lie(truth), alpha(true.h)
+                tally.barrier(t, true, lie, alpha_h, limits)
+                if isinstance(barrier, TurnBarrier):
+                    tally.phasor(t, barrier.phasor(truth))
+                if decision.pairs is not None:
+                    tally.rows.update(t, _solved_rows(decision, alpha))
+                if before is not None:
+                    realised = (true.h - before.h) / dt
+                    tally.condition.update(t - dt, realised + before.alpha)
+                    if open_row is not None:
+                        recorder.add("pairs", open_row | before.close(realised, rates, telemetry, dt))
+                before = _Before(true, lie, alpha_h, decision.command, rates, telemetry)
+                open_row = _pair_rows(t, truth, decision, true, lie) if recording else None
+            if recording:
+                recorder.add("vehicles", _vehicle_rows(t, truth, rates, wanted, decision, telemetry))
             if self.progress is not None:
                 self.progress(t, s.duration_s)
             if step == steps:
@@ -140,9 +151,45 @@ class _Flight:
                 end = f"{fault} by {t + dt:.3f} s, the run ended there"
                 break
             tally.positions(t + offsets, track, goal, s.goal_radius_m, i, j)
-        if held is not None:
-            recorder.add("pairs", held | {"hdot_realised_mps": np.full(i.size, np.nan)})
+        if open_row is not None:
+            unknown = np.full(i.size, np.nan)
+            recorder.add("pairs", open_row | dict.fromkeys(REALISED_COLUMNS, unknown))
         return end
+
+
+@dataclass(frozen=True)
+class _Before:
+    """What held at the last filter step, kept until the motion that followed is known."""
+
+    pairs: PairValues
+    lie: tuple[Array, Array]
+    alpha: Array
+    command: Command
+    rates: Command
+    telemetry: dict[str, Array]
+
+    @property
+    def h(self) -> Array:
+        return self.pairs.h
+
+    def close(self, realised: Array, rates: Command, telemetry: dict[str, Array], dt: float) -> Columns:
+        """The columns of `pairs` that only the motion since could tell."""
+        drift = np.zeros(len(self.rates))
+        if "heading_rad" in telemetry and "heading_rad" in self.telemetry:
+            turned = telemetry["heading_rad"] - self.telemetry["heading_rad"]
+            heading_rate = (np.remainder(turned + np.pi, 2 * np.pi) - np.pi) / dt
+            drift = 0.5 * (self.rates.omega + rates.omega) - heading_rate
+        p = self.pairs
+        parts = ledger.residuals(self.lie, p.i, p.j, self.command, self.rates, rates, drift)
+        return {"hdot_realised_mps": realised} | parts
+
+
+def _solved_rows(decision: Decision, alpha: OddPolynomial) -> Array:
+    """L_g h u + alpha(h) of the filter's own rows (P,); inf where one of the QPs was not solved."""
+    p = decision.pairs
+    assert p is not None
+    solved = decision.status == Status.SOLVED
+    return np.where(solved[p.i] & solved[p.j], decision.hdot_predicted + alpha(p.h), np.inf)
 
 
 def _position(state: State) -> Array:
@@ -179,28 +226,9 @@ def _true_pairs(decision: Decision, filter_: Filter, barrier: Barrier, truth: St
     return barrier.values(truth)
 
 
-def _take_in(tally: Tally, t: float, decision: Decision, true: PairValues, limits: Limits) -> None:
-    tally.filter_steps += 1
-    if true.h.size:
-        tally.h.update(t, true.h)
-    c, low, high = decision.command.array(), limits.lower.array(), limits.upper.array()
-    span = np.where(high > low, high - low, 1.0)
-    tally.command_margin.update(t, np.min(np.minimum(c - low, high - c) / span, axis=-1))
-    tally.override_steps += decision.override
-    tally.worst_residual = max(tally.worst_residual, float(np.max(decision.residual, initial=0.0)))
-    failed = np.flatnonzero(
-        (decision.status == Status.INFEASIBLE) | (decision.status == Status.ITERATION_LIMIT)
-    )
-    for vehicle in failed:
-        name = str(STATUS_NAMES[decision.status[vehicle]])
-        tally.qp_failures[name] = tally.qp_failures.get(name, 0) + 1
-        if tally.first_failure is None:
-            tally.first_failure = (t, int(vehicle), name)
-
-
 def _vehicle_rows(
     t: float, truth: State, rates: Command, wanted: Command, decision: Decision, telemetry: dict[str, Array]
-) -> dict[str, np.ndarray]:
+) -> Columns:
     n = len(truth)
     columns = {"t_s": np.full(n, t), "vehicle": np.arange(1, n + 1, dtype=np.int32)}
     columns |= {"x_m": truth.x, "y_m": truth.y, "z_m": truth.z, "theta_rad": truth.theta}
@@ -208,15 +236,6 @@ def _vehicle_rows(
         columns |= {f"v{suffix}_mps": c.v, f"omega{suffix}_radps": c.omega, f"zeta{suffix}_mps": c.zeta}
     columns |= {"override": decision.override, "qp_status": STATUS_NAMES[decision.status]}
     return columns | telemetry
-
-
-def _admissible(true: PairValues, lie: tuple[Array, Array], alpha: Array, limits: Limits) -> Array:
-    """sup over U of hdot + alpha(h) for each pair inside the safe set, inf outside (P,): eq. (3)."""
-    low, high = limits.lower.array(), limits.upper.array()
-    best = alpha.copy()
-    for side, vehicle in zip(lie, (true.i, true.j), strict=True):
-        best += np.sum(np.maximum(side * low[vehicle], side * high[vehicle]), axis=-1)
-    return np.where(true.h >= 0.0, best, np.inf)
 
 
 def _pair_rows(

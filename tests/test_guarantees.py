@@ -53,7 +53,7 @@ class Falling(KinematicFleet):
 
 
 def test_a_vehicle_lost_ends_the_run_and_nothing_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(catalogue.PLANTS, "unicycle", lambda s: Falling(s.vehicles, s.rates.fdm_dt_s))
+    monkeypatch.setitem(catalogue.PLANTS, "unicycle", lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
     result = run(load("paper-2-turn"))
     assert result.manifest["ended_early"] == "vehicle 2: ground by 0.500 s, the run ended there"
     assert "holds" not in {g["verdict"] for g in result.guarantees}
