@@ -323,7 +323,8 @@ class Fdm:
 
         def miss(value: float) -> float:
             n[integral].set_double_value(value)
-            self._still()
+            for _ in range(4):  # what the surfaces do to the side force comes back one evaluation later
+                self._still()
             return n[wanted].get_double_value() - target
 
         a, b = 0.0, 0.05
@@ -358,7 +359,7 @@ class Fdm:
         self._wind(wind)
         step = self._fdm.run
         x, y, z, altitude = self._position
-        rows = []
+        rows: list[tuple[float, ...]] = []
         for _ in range(n):
             step()
             rows.append((x(), y(), z(), altitude()))

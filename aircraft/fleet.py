@@ -81,7 +81,7 @@ class JsbsimFleet:
                 rows.append(vehicle.run((w[0], w[1], w[2]), n))
         track = np.tile(self._position, (n, 1, 1))
         if rows:
-            track[:, flying] = positions(rows, self.origin).swapaxes(0, 1)
+            track[:, flying] = positions(np.array(rows), self.origin).swapaxes(0, 1)
         self._end_flights(track, flying)
         self._position = track[-1].copy()
         return track
@@ -89,9 +89,9 @@ class JsbsimFleet:
     def _end_flights(self, track: Array, flying: NDArray[np.bool_]) -> None:
         """Note new faults; a vehicle that has one stays at its last finite position, `track` says so too."""
         self._move(flying)
-        finite = np.isfinite(track).all(axis=2)
-        well = finite.all(axis=0) & np.isfinite(self._rates).all(axis=1) & np.isfinite(self._theta)
-        for i in np.flatnonzero(flying):
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(track).all(axis=2))
+        well = np.asarray(finite.all(axis=0) & np.isfinite(self._rates).all(axis=1))
+        for i in np.flatnonzero(flying).tolist():
             if not well[i]:
                 self._faults[i] = "not finite"
                 lost = ~finite[:, i]

@@ -7,6 +7,7 @@ the total becomes is the sensitivity S = 1 / (1 + L) at every frequency, samplin
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +26,13 @@ _IMPULSE = 1e-5  # of full deflection: small enough for linearity, 1e8 above rou
 class Response:
     """The loop transfer L at frequencies [rad/s]."""
 
-    frequency: Array
+    frequency: NDArray[np.floating[Any]]
     loop: NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Gain margin [dB], phase margin [deg], disk margin (skew 0), last gain crossover [rad/s]; inf if none."""
+    """Gain margin [dB], phase margin [deg], disk margin (skew 0), crossover [rad/s]; inf if none."""
 
     gain_db: float
     phase_deg: float

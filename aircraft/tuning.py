@@ -66,7 +66,8 @@ def fly(
     _, rates = motions(moves, fdm.origin)
     v, omega, zeta = rates.T
     kept = dict(zip(telemetry, np.array(channels).T, strict=True))
-    return Flight(dt * np.arange(1, len(v) + 1), v, omega, zeta, positions(track, fdm.origin), kept)
+    t = dt * np.arange(1.0, len(v) + 1)
+    return Flight(t, v, omega, zeta, positions(track, fdm.origin), kept)
 
 
 def score(t: Array, y: Array, before: float, after: float) -> Score:
