@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from filters import qp
 from filters.pairs import Barrier, PairValues
 from filters.qp import Status
+from filters.robust import Margin
 from filters.rows import Alpha, OwnRows, PerPair, Rows, barrier_rows, least, limited_rows, observed_rows
 from filters.unicycle import Array, Command, Limits, View
 
@@ -70,6 +71,7 @@ class CollisionFilter:
     barrier  a `Barrier`; or, with `shared=False`, a sequence of them, one per pair (see `PerPair`)
     alpha    h (P,) -> (P,) m/s, extended class K
     mode     "centralised": one QP over all vehicles; "limited": one per vehicle, on its own view
+    margin   what each vehicle's side of a row is raised by (see `filters.robust`); None is the paper's filter
     Raises   ValueError for several barriers without `shared=False`, or an unknown mode.
 
     A vehicle whose QP has no solution flies gamma clipped to the limits; without a shared gamma it flies the
@@ -82,6 +84,7 @@ class CollisionFilter:
         alpha: Alpha,
         mode: Literal["centralised", "limited"] = "centralised",
         shared: bool = True,
+        margin: Margin | None = None,
     ) -> None:
         own = tuple(barrier) if isinstance(barrier, Sequence) else getattr(barrier, "barriers", ())
         if own:
@@ -97,10 +100,10 @@ class CollisionFilter:
         if mode not in ("centralised", "limited"):
             raise ValueError(f"mode is 'centralised' or 'limited', not {mode!r}")
         self.barrier: Barrier = barrier
-        self.alpha, self.mode = alpha, mode
+        self.alpha, self.mode, self.margin = alpha, mode, margin
 
     def rows(self, view: View) -> Rows:
-        """The rows of all pairs, from what each vehicle knows of itself."""
+        """The paper's rows of all pairs, without margin, from what each vehicle knows of itself."""
         return barrier_rows(self.barrier, self.alpha, view.own().state)
 
     def gamma(self, n: int) -> Array | None:
@@ -117,11 +120,14 @@ class CollisionFilter:
         rows = self.rows(view)
         problem = Problem(target, lower, upper, self.barrier)
         if self.mode == "centralised":
-            u, status, residual = problem.centralised(rows)
-        elif view.shared:
-            u, status, residual = problem.limited(limited_rows(self.barrier, rows, len(target)))
+            u, status, residual = problem.centralised(rows.raised(self.margin))
         else:
-            u, status, residual = problem.limited(observed_rows(self.barrier, self.alpha, view))
+            own = (
+                limited_rows(self.barrier, rows, len(target))
+                if view.shared
+                else observed_rows(self.barrier, self.alpha, view)
+            )
+            u, status, residual = problem.limited(own.raised(self.margin))
         return decision(problem, u, status, residual, rows.pairs, rows.left(u))
 
 

@@ -7,12 +7,13 @@ One row per pair, L_g h_i u_i + L_g h_j u_j >= -alpha(h), because L_f h = 0 for 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from filters.pairs import Barrier, Index, PairValues, chosen_pairs, vehicle_of
+from filters.robust import Margin
 from filters.unicycle import Array, Command, State, View
 
 Alpha = Callable[[Array], Array]
@@ -39,6 +40,12 @@ class Rows:
         """L_g h u (P,) of inputs u (N, 3)."""
         return dot(self.lie_i, u[self.i]) + dot(self.lie_j, u[self.j])
 
+    def raised(self, margin: Margin | None) -> Rows:
+        """The rows with each side's margin added to their right-hand side; see `filters.robust`."""
+        if margin is None:
+            return self
+        return replace(self, rhs=self.rhs + _amount(margin, self.lie_i) + _amount(margin, self.lie_j))
+
 
 @dataclass(frozen=True, eq=False)
 class OwnRows:
@@ -51,6 +58,18 @@ class OwnRows:
     def left(self, u: Array) -> Array:
         """lie u_vehicle (R,) of inputs u (N, 3)."""
         return dot(self.lie, u[self.vehicle])
+
+    def raised(self, margin: Margin | None) -> OwnRows:
+        """The rows with the vehicle's own margin added to their right-hand side; see `filters.robust`."""
+        return self if margin is None else replace(self, rhs=self.rhs + _amount(margin, self.lie))
+
+
+def _amount(margin: Margin, lie: Array) -> Array:
+    """The margin (R,) of one side's rows; raises ValueError if it is negative or not finite."""
+    amount = np.asarray(margin(lie), dtype=float)
+    if amount.shape != lie.shape[:1] or not np.all(np.isfinite(amount) & (amount >= 0)):
+        raise ValueError(f"a margin must be finite and not negative, one per row, got {amount}")
+    return amount
 
 
 def dot(a: Array, b: Array) -> Array:
