@@ -91,6 +91,42 @@ def compare(
         print(f"  {figure}")
 
 
+@app.command(epilog="Example: testbed figures --out figures")
+def figures(
+    out: Annotated[Path, typer.Option("--out", help="folder to write")],
+    plant: Annotated[str, typer.Option("--plant", help="unicycle or jsbsim")] = "unicycle",
+    kink: Annotated[bool, typer.Option("--kink", help="the kink study instead (most of an hour)")] = False,
+    onset: Annotated[bool, typer.Option("--onset", help="when overriding begins, instead")] = False,
+    seeds: Annotated[int, typer.Option("--seeds", help="headings of the kink study")] = 20,
+    workers: Annotated[int | None, typer.Option("--workers", help="processes; default one a core")] = None,
+    set_: SetOption = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Redraw the paper's figures 2, 3 and 6, with errors at the published points; or --onset, --kink."""
+    from testbed.report.tables import plain_table
+    from testbed.studies.figures import make
+
+    what = [name for name, asked in (("onset", onset), ("kink", kink)) if asked] or ["paper"]
+    book = make(
+        out,
+        what,
+        plant=plant,
+        overrides=set_ or [],
+        seeds=seeds,
+        workers=workers,
+        overwrite=overwrite,
+    )
+    if as_json:
+        from testbed.store import plain
+
+        print(json.dumps(plain(book.summary()), indent=2))
+        return
+    for title, rows in book.tables.items():
+        _print(plain_table(title, rows))
+    print(f"{len(book.files)} files in {out}")
+
+
 @app.command("list", epilog="Example: testbed list --json")
 def list_(as_json: JsonOption = False) -> None:
     """The built-in scenarios."""

@@ -21,6 +21,8 @@ from testbed.record import Columns, Run
 from testbed.scenario import SCHEMA_VERSION
 
 MANIFEST = "manifest.json"
+# What a folder written by this program holds, of which it may be replaced.
+MARKS = (MANIFEST, "comparison.json", "figures.json")
 
 
 @contextmanager
@@ -83,7 +85,7 @@ def check_free(path: Path, overwrite: bool) -> None:
         return
     if not overwrite:
         raise UserError(f"{path} exists; give another --out, or --overwrite")
-    if path.is_dir() and ((path / MANIFEST).is_file() or (path / "comparison.json").is_file()):
+    if path.is_dir() and any((path / mark).is_file() for mark in MARKS):
         return
     if path.is_dir() and not any(path.iterdir()):
         return

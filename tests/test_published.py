@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import testbed
 from testbed.record import Run
 from testbed.scenario import load
 from testbed.simulate import run
 
-FIGURES = Path(__file__).parent / "reference" / "figures"
+FIGURES = Path(testbed.__file__).parent / "data" / "figures"
 DT = 0.005
 
 

@@ -1,8 +1,4 @@
-"""Figures of runs: the paper's four panels with the plants overlaid, and what an aircraft adds.
-
-One style everywhere: SI labels, limits drawn, one colour and dash per plant (Okabe-Ito, safe for the
-colour-blind, told apart in grey by the dash), PNG for screens and PDF for papers.
-"""
+"""Figures of runs: the paper's four panels with the plants overlaid, and what an aircraft adds."""
 
 from __future__ import annotations
 
@@ -13,54 +9,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.record import Run
+from testbed.report.style import PAGE, drawing, limits, save, separation, style
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-STYLES: dict[str, dict[str, Any]] = {
-    "unicycle": {"color": "#0072B2", "linestyle": "-"},
-    "lagged": {"color": "#009E73", "linestyle": "-."},
-    "jsbsim": {"color": "#D55E00", "linestyle": "--"},
-}
-LIMIT = {"color": "0.35", "linestyle": ":", "linewidth": 1.0}
-RC = {
-    "font.size": 8,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "lines.linewidth": 1.3,
-    "legend.frameon": False,
-    "legend.fontsize": 7,
-    "svg.hashsalt": "cbf-jsbsim-testbed",
-}
 
 
 def compare(runs: Mapping[str, Run], folder: Path) -> list[Path]:
     """Draw `panels` and, where an aircraft flew, `aircraft` into `folder`; returns the PNG files."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
     folder.mkdir(parents=True, exist_ok=True)
-    with plt.rc_context(RC):
+    with drawing():
         figures = {"panels": panels(runs)}
         flown = {name: run for name, run in runs.items() if "roll_rad" in run.vehicles}
         if flown:
             figures["aircraft"] = aircraft(flown)
         files = []
         for name, figure in figures.items():
-            files.append(folder / f"{name}.png")
-            figure.savefig(files[-1], dpi=160)
-            figure.savefig(folder / f"{name}.pdf", metadata={"CreationDate": None})
-            plt.close(figure)
+            files.append(save(figure, folder, name)[0])
     return files
-
-
-def style(plant: str) -> dict[str, Any]:
-    return STYLES.get(plant, {"color": "#CC79A7", "linestyle": "-"})
 
 
 def one(run: Run, vehicle: int = 1) -> Any:
@@ -72,10 +38,10 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     """Speed and turn rate of vehicle 1 (achieved, and commanded thin), smallest distance, paths."""
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(2, 2, figsize=(7.2, 5.4), layout="constrained")
+    figure, axes = plt.subplots(2, 2, figsize=(PAGE, 5.4), layout="constrained")
     (speed, turn), (distance, path) = axes
     scenario = next(iter(runs.values())).manifest["scenario"]
-    limits = scenario["limits"]
+    box = scenario["limits"]
     for name, run in runs.items():
         rows, look = one(run), style(name)
         thin = look | {"linewidth": 0.6, "alpha": 0.7, "linestyle": "-"}
@@ -90,12 +56,9 @@ def panels(runs: Mapping[str, Run]) -> Figure:
             rows = one(run, vehicle)
             path.plot(rows.x_m, rows.y_m, **look, label=name if vehicle == 1 else None, alpha=0.85)
             path.plot(rows.x_m.iloc[0], rows.y_m.iloc[0], marker="o", ms=3, **look)
-    _limits(speed, limits["v_min_mps"], limits["v_max_mps"])
-    _limits(turn, -limits["omega_max_degps"], limits["omega_max_degps"])
-    _limits(distance, scenario["d_safe_m"])
-    distance.text(
-        0.01, scenario["d_safe_m"], " Ds", va="bottom", fontsize=7, transform=distance.get_yaxis_transform()
-    )
+    limits(speed, box["v_min_mps"], box["v_max_mps"])
+    limits(turn, -box["omega_max_degps"], box["omega_max_degps"])
+    separation(distance, scenario["d_safe_m"])
     distance.set_yscale("log")
     speed.set(xlabel="time [s]", ylabel="ground speed [m/s]", title="Vehicle 1: speed (thin: commanded)")
     turn.set(xlabel="time [s]", ylabel="turn rate [deg/s]", title="Vehicle 1: turn rate (thin: commanded)")
@@ -111,7 +74,7 @@ def aircraft(runs: Mapping[str, Run]) -> Figure:
     """Vehicle 1 of aircraft runs: bank, sideslip, and achieved minus commanded on the three channels."""
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(5, 1, figsize=(7.2, 7.6), sharex=True, layout="constrained")
+    figure, axes = plt.subplots(5, 1, figsize=(PAGE, 7.6), sharex=True, layout="constrained")
     for name, run in runs.items():
         rows, look = one(run), style(name)
         series = [
@@ -131,8 +94,3 @@ def aircraft(runs: Mapping[str, Run]) -> Figure:
     axes[-1].set_xlabel("time [s]")
     axes[0].legend(loc="best")
     return figure
-
-
-def _limits(axes: Axes, *values: float) -> None:
-    for value in values:
-        axes.axhline(value, **LIMIT)

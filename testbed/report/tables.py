@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
@@ -24,6 +24,22 @@ def scorecard(runs: Mapping[str, Run], title: str) -> Table:
     for entry in first.guarantees:
         table.add_row(entry["id"], *(cell(run.guarantee(entry["id"])) for run in runs.values()))
     return table
+
+
+def plain_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Rows as they are, four digits; an absent value is a dash."""
+    table = Table(title=title, title_justify="left", pad_edge=False, box=None)
+    for name in rows[0] if rows else ():
+        table.add_column(name.replace("_", " "), overflow="fold")
+    for row in rows:
+        table.add_row(*(_short(value) for value in row.values()))
+    return table
+
+
+def _short(value: Any) -> str:
+    if value is None or (isinstance(value, float) and value != value):
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def cell(entry: dict[str, Any]) -> Text:

@@ -1,0 +1,140 @@
+"""Figures of the studies: the kink and its mechanism, and when overriding begins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from testbed.report.style import BLACK, BLUE, COLUMN, ORANGE, PAGE, drawing, limits, save, separation, style
+from testbed.studies.kink import Look, over_heading
+from testbed.studies.onset import TURN_DEGPS, Onset
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+# Vehicles abreast, far enough apart for both barriers to hold at equal headings (the smoothed needs 7.4 m).
+ABREAST_M = 9.0
+# Seconds shown before and after h begins to lose against its promise, by more than LOSS_M.
+BEFORE_S, AFTER_S, LOSS_M = 0.2, 0.7, 0.2
+
+
+def kink(table: pd.DataFrame, seen: Look, d_safe: float, folder: Path) -> list[Path]:
+    """`kink-mechanism`: the kink, the chatter across it, h drained. `kink-seeds`: every run of the study."""
+    with drawing() as plt:
+        sheet, grid = plt.subplots(2, 2, figsize=(PAGE, 5.0), layout="constrained")
+        for axes, draw in zip(grid.flat, (_shape, _chatter, _heading, _drain), strict=True):
+            draw(axes, seen)
+            axes.legend(loc="best")
+        c = seen.case
+        grid[0, 0].set_title(f"(a) two vehicles {ABREAST_M:g} m abreast", loc="left", fontsize=8)
+        grid[0, 1].set_title(
+            f"(b) vehicles {seen.i} and {seen.j} of {c.vehicles}, seed {c.seed}, dt {c.dt_s:g} s",
+            loc="left",
+            fontsize=8,
+        )
+        grid[1, 0].set_title("(c) the same: equal headings crossed again and again", loc="left", fontsize=8)
+        grid[1, 1].set_title("(d) the same: what L$_g$h u promised, and what came", loc="left", fontsize=8)
+        files = save(sheet, folder, "kink-mechanism")
+        sheet, axes = plt.subplots(figsize=(COLUMN, 2.6), layout="constrained")
+        _seeds(axes, table, d_safe)
+        return files + save(sheet, folder, "kink-seeds")
+
+
+def _shape(axes: Axes, seen: Look) -> None:
+    offset = np.linspace(-4.0, 4.0, 401)
+    for name, h in over_heading(ABREAST_M, offset).items():
+        axes.plot(offset, h, label=name, **style(name))
+    limits(axes, 0.0)
+    axes.set(xlabel="difference of headings [deg]", ylabel="h [m]")
+
+
+def _window(seen: Look) -> np.ndarray:
+    """The steps around the moment h begins to lose; where it never does, around the smallest h."""
+    lost = seen.lost_m() > LOSS_M
+    begin = seen.t_s[np.argmax(lost) if lost.any() else np.argmin(seen.h_m)]
+    return np.flatnonzero((seen.t_s >= begin - BEFORE_S) & (seen.t_s <= begin + AFTER_S))
+
+
+def _chatter(axes: Axes, seen: Look) -> None:
+    w = _window(seen)
+    for k, (vehicle, colour) in enumerate(((seen.i, BLUE), (seen.j, ORANGE))):
+        axes.step(
+            seen.t_s[w],
+            seen.omega_degps[k, w],
+            where="post",
+            color=colour,
+            linewidth=0.9,
+            label=f"vehicle {vehicle}",
+        )
+    axes.set(xlabel="time [s]", ylabel="turn rate commanded [deg/s]")
+
+
+def _heading(axes: Axes, seen: Look) -> None:
+    w = _window(seen)
+    axes.plot(seen.t_s[w], seen.relative_deg[w], ".-", color=BLACK, markersize=2, linewidth=0.6)
+    limits(axes, 0.0)
+    axes.set(xlabel="time [s]", ylabel="difference of headings [deg]")
+
+
+def _drain(axes: Axes, seen: Look) -> None:
+    w = _window(seen)
+    t, h = seen.t_s[w], seen.h_m[w]
+    lost = seen.lost_m()[w]
+    axes.plot(t, h + (lost - lost[0]), label="promised", **style("smoothed"))
+    axes.plot(t, h, label="h", **style("paper"))
+    limits(axes, 0.0)
+    # The promise soon runs far off; what matters is where the two part.
+    low, high = float(h.min()), float(h.max())
+    axes.set(xlabel="time [s]", ylabel="h of the pair [m]", ylim=(low - 0.3, high + 2.0))
+
+
+def _seeds(axes: Axes, table: pd.DataFrame, d_safe: float) -> None:
+    periods = sorted(table.dt_s.unique())
+    for side, name in ((-0.12, "paper"), (0.12, "smoothed")):
+        for k, dt in enumerate(periods):
+            rows = table[(table.barrier == name) & (table.dt_s == dt)]
+            spread = np.linspace(-0.08, 0.08, len(rows)) if len(rows) > 1 else np.zeros(1)
+            axes.plot(
+                k + side + spread,
+                rows.min_distance_m,
+                "o" if name == "paper" else "s",
+                markersize=3,
+                markerfacecolor="none",
+                color=style(name)["color"],
+                label=name if k == 0 else None,
+            )
+    separation(axes, d_safe)
+    axes.set_xticks(range(len(periods)), [f"{dt:g}" for dt in periods])
+    axes.set(xlabel="filter and unicycle period [s]", ylabel="least distance of a run [m]")
+    axes.legend(loc="best")
+
+
+def onset(onsets: list[Onset], folder: Path) -> list[Path]:
+    """`onset`: for each number of vehicles, how many turn by when, and vehicle 1's turn rate."""
+    counts = sorted({o.case.vehicles for o in onsets})
+    with drawing() as plt:
+        sheet, grid = plt.subplots(
+            2, len(counts), figsize=(PAGE, 4.6), sharex=True, squeeze=False, layout="constrained"
+        )
+        for column, n in zip(grid.T, counts, strict=True):
+            for o in (o for o in onsets if o.case.vehicles == n):
+                times = np.sort(o.turn[~np.isnan(o.turn)])
+                share = 100.0 * np.arange(1, times.size + 1) / n
+                column[0].step(
+                    np.concatenate([[0.0], times, [o.t_s[-1]]]),
+                    np.concatenate([[0.0], share, share[-1:] if share.size else [0.0]]),
+                    where="post",
+                    label=o.case.law,
+                    **style(o.case.law),
+                )
+                column[1].plot(o.t_s, o.omega_degps, label=o.case.law, **style(o.case.law))
+            column[0].set_title(f"{n} vehicles", loc="left", fontsize=8)
+            column[0].set_ylabel(f"turning by more than {TURN_DEGPS:g} deg/s [%]")
+            column[1].set(xlabel="time [s]", ylabel="turn rate of vehicle 1 [deg/s]")
+            omega_max = onsets[0].case.scenario().limits.omega_max_degps
+            limits(column[1], -omega_max, omega_max)
+        grid[0, 0].legend(loc="best")
+        return save(sheet, folder, "onset")

@@ -1,0 +1,88 @@
+"""The one style of every figure: SI labels, limits drawn, one colour and dash per thing compared.
+
+Colours are Okabe & Ito's, safe for the colour-blind; the dash tells them apart in grey. PNG for screens and
+PDF for papers, both the same bytes for the same data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+ORANGE, SKY, BLACK = "#E69F00", "#56B4E9", "#000000"
+STYLES: dict[str, dict[str, Any]] = {
+    "unicycle": {"color": BLUE, "linestyle": "-"},
+    "lagged": {"color": GREEN, "linestyle": "-."},
+    "jsbsim": {"color": VERMILION, "linestyle": "--"},
+    "turn": {"color": BLUE, "linestyle": "-"},
+    "straight": {"color": VERMILION, "linestyle": "--"},
+    "navigation": {"color": GREEN, "linestyle": "-."},
+    "paper": {"color": VERMILION, "linestyle": "-"},
+    "smoothed": {"color": BLUE, "linestyle": "--"},
+    "cubic 0.1": {"color": BLUE, "linestyle": "-"},
+    "linear 1": {"color": SKY, "linestyle": (0, (5, 1))},
+    "linear 0.3": {"color": ORANGE, "linestyle": "--"},
+    "linear 0.1": {"color": VERMILION, "linestyle": ":"},
+}
+LIMIT: dict[str, Any] = {"color": "0.35", "linestyle": ":", "linewidth": 1.0}
+RC: dict[Any, Any] = {
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "legend.fontsize": 7,
+    "svg.hashsalt": "cbf-jsbsim-testbed",
+}
+# Inches: one column of a two-column page, and the whole page.
+COLUMN, PAGE = 3.4, 7.2
+
+
+@contextmanager
+def drawing() -> Iterator[Any]:
+    """pyplot in this style, needing no screen."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    with pyplot.rc_context(RC):
+        yield pyplot
+
+
+def style(name: str) -> dict[str, Any]:
+    """Colour and dash of a plant, barrier or law."""
+    return STYLES.get(name, {"color": PURPLE, "linestyle": "-"})
+
+
+def limits(axes: Axes, *values: float) -> None:
+    """Horizontal limit lines."""
+    for value in values:
+        axes.axhline(value, **LIMIT)
+
+
+def separation(axes: Axes, d_safe: float) -> None:
+    """The line of Ds, named."""
+    limits(axes, d_safe)
+    axes.text(0.01, d_safe, " Ds", va="bottom", fontsize=7, transform=axes.get_yaxis_transform())
+
+
+def save(figure: Figure, folder: Path, name: str) -> list[Path]:
+    """Write NAME.png and NAME.pdf, and close the figure."""
+    from matplotlib import pyplot as plt
+
+    files = [folder / f"{name}.png", folder / f"{name}.pdf"]
+    figure.savefig(files[0], dpi=160)
+    # No dates: equal data give equal files.
+    figure.savefig(files[1], metadata={"CreationDate": None})
+    plt.close(figure)
+    return files
