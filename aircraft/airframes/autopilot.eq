@@ -11,6 +11,7 @@ use true_airspeed_fps = velocities/vt-fps
 use qbar_psf = aero/qbar-psf
 use east_fps = velocities/v-east-fps
 use north_fps = velocities/v-north-fps
+use ground_fps = velocities/vg-fps
 use climb_fps = velocities/h-dot-fps
 use wind_east_fps = atmosphere/total-wind-east-fps
 use wind_north_fps = atmosphere/total-wind-north-fps
@@ -35,16 +36,14 @@ input throttle_probe = 0
 == measure ==
 tracking = 1 - on
 airspeed_mps = max(0.3048 * true_airspeed_fps, 5)
-# dynamic pressure times wing area: lift per unit of CL
-lift_per_cl_n = max(47.88025898 * qbar_psf * airframe_wing_area_m2, 1)
+# Dynamic pressure times wing area over mass: what a lift coefficient of one accelerates.
+lift_per_cl_mps2 = max(47.88025898 * qbar_psf * airframe_wing_area_m2 / airframe_mass_kg, 1)
+v_mps = max(0.3048 * ground_fps, 1)
+zeta_mps = 0.3048 * climb_fps
+# Sine of the angle between the last ground velocity and this one over dt: no wrap, no division by zero.
+omega_radps = omega_radps + min(dt / turn_filter_s, 1) * (0.3048 * (east_mps * north_fps - north_mps * east_fps) / (v_mps * v_mps * max(dt, 1e-6)) - omega_radps)
 east_mps = 0.3048 * east_fps
 north_mps = 0.3048 * north_fps
-v_mps = max(sqrt(east_mps * east_mps + north_mps * north_mps), 1)
-zeta_mps = 0.3048 * climb_fps
-# Sine of the angle between successive ground velocities over dt: no wrap, no division by zero.
-omega_radps = where(dt > 0, omega_radps + min(dt / turn_filter_s, 1) * ((east_last_mps * north_mps - north_last_mps * east_mps) / (v_mps * v_mps * max(dt, 1e-6)) - omega_radps), omega_radps)
-east_last_mps = east_mps
-north_last_mps = north_mps
 # Angle from the air-relative to the ground-relative velocity: the crab angle in a crosswind.
 air_east_mps = east_mps - 0.3048 * wind_east_fps
 air_north_mps = north_mps - 0.3048 * wind_north_fps
@@ -74,10 +73,11 @@ bank_cos = cos(roll_rad)
 
 == envelope if on ==
 # Thrust available and drag in level flight at this bank, as accelerations.
-thrust_max_mps2 = airframe_thrust_area_m2 * lift_per_cl_n * airframe_motor_speed_mps * (airframe_motor_speed_mps / airspeed_mps - 1) / (airframe_wing_area_m2 * airspeed_mps * airframe_mass_kg)
-thrust_min_mps2 = -airframe_windmill_area_m2 * lift_per_cl_n / (airframe_wing_area_m2 * airframe_mass_kg)
-level_cl = 9.80665 * airframe_mass_kg / (lift_per_cl_n * bank_cos)
-level_drag_mps2 = lift_per_cl_n / airframe_mass_kg * (airframe_cd_0 + level_cl * (airframe_cd_1 + level_cl * airframe_cd_2))
+thrust_per_speed2_per_m = airframe_thrust_area_share * lift_per_cl_mps2 / (airspeed_mps * airspeed_mps)
+thrust_max_mps2 = thrust_per_speed2_per_m * airframe_motor_speed_mps * (airframe_motor_speed_mps - airspeed_mps)
+thrust_min_mps2 = -1 * airframe_windmill_area_share * lift_per_cl_mps2
+level_cl = 9.80665 / (lift_per_cl_mps2 * bank_cos)
+level_drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + level_cl * (airframe_cd_1 + level_cl * airframe_cd_2))
 # Speed before climb rate: what thrust cannot pay for is taken from zeta once the speed has strayed by the slack,
 # and at once when the airspeed comes near its limits.
 speed_high_mps = v_mps - v_plan_mps
@@ -86,7 +86,7 @@ zeta_min_mps = airspeed_mps / 9.80665 * (thrust_min_mps2 - level_drag_mps2 - env
 zeta_allowed_mps = clip(zeta_cmd_mps, zeta_min_mps, zeta_max_mps)
 limited_zeta = zeta_allowed_mps != zeta_cmd_mps
 # Turn rate is clipped before bank: the bank that the wing can carry at this airspeed, with a load factor in reserve.
-load_max = max(lift_per_cl_n * envelope_cl_max / (airframe_mass_kg * 9.80665 * envelope_load_reserve), 1.02)
+load_max = max(lift_per_cl_mps2 * envelope_cl_turn / 9.80665, 1.02)
 omega_max_radps = 9.80665 * min(sqrt(load_max * load_max - 1), envelope_bank_tan_max) / v_mps
 omega_allowed_radps = clip(omega_cmd_radps, -omega_max_radps, omega_max_radps)
 limited_omega = omega_allowed_radps != omega_cmd_radps
@@ -124,7 +124,7 @@ omega_error_radps = omega_model_radps - omega_radps
 climb_integral_mps2 = clip(climb_integral_mps2 + dt * climb_integral_per_s2 * zeta_error_mps, -3, 3)
 turn_integral_radps = clip(turn_integral_radps + dt * turn_integral_per_s * omega_error_radps, -0.15, 0.15)
 zeta_dot_mps2 = zeta_dot_ref_mps2 + climb_feedback_per_s * zeta_error_mps + climb_integral_mps2
-speed_integral_mps2 = where(throttle_free > 0, clip(speed_integral_mps2 + dt * speed_integral_per_s2 * v_error_mps, -2, 2), speed_integral_mps2)
+speed_integral_mps2 = clip(speed_integral_mps2 + dt * throttle_free * speed_integral_per_s2 * v_error_mps, -2, 2)
 # The horizontal acceleration asked for, along and to the left of the air-relative path: in wind a steady turn over
 # the ground needs both.
 along_mps2 = acceleration_ref_mps2 + speed_feedback_per_s * v_error_mps + speed_integral_mps2
@@ -142,20 +142,19 @@ roll_lead_s = turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps
 roll_rate_radps = turn_bank_feedback_per_s * (bank_rad - roll_rad) - bank_cos * bank_cos / lift_mps2 * (v_mps * (omega_dot_ref_radps2 + roll_lead_s * omega_ddot_ref_radps3) + acceleration_ref_mps2 * omega_ref_radps + bank_tan * (zeta_jerk_ref_mps3 + roll_lead_s * zeta_jerk_dot_mps4))
 aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -0.5, 0.5)
 # Angle of attack for the lift, elevator to trim it, to pitch along the path and to change it.
-lift_cl = lift_mps2 * airframe_mass_kg / (bank_cos * lift_per_cl_n)
-alpha_per_mps2 = airframe_mass_kg / (bank_cos * lift_per_cl_n * airframe_cl_alpha)
+lift_cl = lift_mps2 / (bank_cos * lift_per_cl_mps2)
+alpha_per_mps2 = 1 / (bank_cos * lift_per_cl_mps2 * airframe_cl_alpha)
 q_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3 + (lift_mps2 / bank_cos - 9.80665 * climb_cos * bank_cos) / airspeed_mps
 q_dot_ref_radps2 = alpha_per_mps2 * zeta_jerk_dot_mps4 + zeta_jerk_ref_mps3 / airspeed_mps
 alpha_ref_rad = clip((lift_cl - airframe_cl_0 - airframe_cl_q_m * q_ref_radps / airspeed_mps) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
-elevator_rad = clip(airframe_elevator_0_rad + airframe_elevator_per_alpha * (alpha_ref_rad + climb_servo_lead_s * alpha_per_mps2 * zeta_jerk_ref_mps3) + airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) / airspeed_mps + (airframe_elevator_per_qdot_n * q_dot_ref_radps2 - climb_alpha_feedback_n * (alpha_ref_rad - alpha_rad) - climb_q_feedback_ns * (q_ref_radps - q_radps)) / lift_per_cl_n, -0.5, 0.5)
+elevator_rad = clip(airframe_elevator_0_rad + airframe_elevator_per_alpha * (alpha_ref_rad + climb_servo_lead_s * alpha_per_mps2 * zeta_jerk_ref_mps3) + airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) / airspeed_mps + (airframe_elevator_per_qdot_m * q_dot_ref_radps2 - climb_alpha_feedback_mps2 * (alpha_ref_rad - alpha_rad) - climb_q_feedback_mps * (q_ref_radps - q_radps)) / lift_per_cl_mps2, -0.5, 0.5)
 # Thrust for the acceleration along the air-relative path, for drag, for weight; led by the motor's lag.
-drag_mps2 = lift_per_cl_n / airframe_mass_kg * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2))
+drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2))
 thrust_mps2 = drag_mps2 + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
 # The throttle that gives it: T = k Vd (Vd - Va) solved for Vd, and a straight line to the windmilling propeller.
-thrust_per_speed2_mps2 = airframe_thrust_area_m2 * lift_per_cl_n / (airframe_wing_area_m2 * airframe_mass_kg * airspeed_mps * airspeed_mps)
 knee_mps = airframe_windmill_throttle * (airframe_motor_speed_mps - airspeed_mps)
-thrust_knee_mps2 = thrust_per_speed2_mps2 * (airspeed_mps + knee_mps) * knee_mps
-throttle_wanted = where(thrust_mps2 > thrust_knee_mps2, (sqrt(airspeed_mps * airspeed_mps + 4 * max(thrust_mps2, 0) / thrust_per_speed2_mps2) - airspeed_mps) / (2 * (airframe_motor_speed_mps - airspeed_mps)), airframe_windmill_throttle * (thrust_mps2 - thrust_min_mps2) / (thrust_knee_mps2 - thrust_min_mps2))
+thrust_knee_mps2 = thrust_per_speed2_per_m * (airspeed_mps + knee_mps) * knee_mps
+throttle_wanted = where(thrust_mps2 > thrust_knee_mps2, (sqrt(airspeed_mps * airspeed_mps + 4 * max(thrust_mps2, 0) / thrust_per_speed2_per_m) - airspeed_mps) / (2 * (airframe_motor_speed_mps - airspeed_mps)), airframe_windmill_throttle * (thrust_mps2 - thrust_min_mps2) / (thrust_knee_mps2 - thrust_min_mps2))
 throttle = clip(throttle_wanted, 0, 1)
 throttle_free = throttle == throttle_wanted
 elevator_norm = elevator_rad / airframe_elevator_norm_rad + elevator_probe -> fcs/elevator-cmd-norm
