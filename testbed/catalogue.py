@@ -6,10 +6,11 @@ import hashlib
 import platform
 from importlib import metadata
 from math import radians
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aircraft.kinematic import Lag
 from aircraft.plant import Plant
 from filters.alpha import OddPolynomial, cubic, linear
 from filters.barrier import Barrier, EuclideanBarrier, ForwardDifference, StraightBarrier, TurnBarrier
@@ -17,10 +18,14 @@ from filters.collision import CollisionFilter, Filter, Passthrough
 from filters.monitor import Monitor
 from filters.rows import PerPair
 from filters.unicycle import Array, Command, Limits
+from testbed import remedies
 from testbed.errors import UserError
 from testbed.nominal import Constant, NearIdentity, NominalController
 from testbed.scenario import Scenario
 from testbed.start import generators, places
+
+if TYPE_CHECKING:
+    from testbed.disturbance import Disturbance
 
 PACKAGES = ("jsbsim", "osqp", "numpy", "scipy", "pandas", "pyarrow")
 
@@ -102,7 +107,7 @@ def alpha(s: Scenario) -> OddPolynomial:
 def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
     own = ForwardDifference(b, s.barrier.gradient_step) if s.barrier.gradient == "forward" else b
     mode: Any = s.filter.kind
-    made = CollisionFilter(own, alpha(s), mode=mode, shared=s.barrier.shared)
+    made = CollisionFilter(own, alpha(s), mode=mode, shared=s.barrier.shared, margin=remedies.margin(s))
     return Monitor(made) if s.filter.monitor else made
 
 
@@ -139,8 +144,10 @@ FILTERS = {
 
 
 def filter_(s: Scenario, b: Barrier, goal: Array) -> Filter:
-    """What alters the nominal input; `b` is the barrier verdicts use."""
-    return FILTERS[s.filter.kind](s, b, goal)
+    """What alters the nominal input, with the scenario's remedies; `b` is the barrier verdicts use."""
+    changed = remedies.scenario(s)
+    own = b if changed is s else barrier(changed)
+    return remedies.wrap(s, FILTERS[s.filter.kind](s, own, goal), own, lags)
 
 
 NOMINALS = {
@@ -153,24 +160,50 @@ def nominal(s: Scenario, goal: Array, b: Barrier) -> NominalController:
     return NOMINALS[s.nominal.controller](s, goal, b)
 
 
-def _unicycle(s: Scenario) -> Plant:
+def _unicycle(s: Scenario, wind: Array) -> Plant:
     from aircraft.kinematic import KinematicFleet
 
-    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s)
+    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, start_wind=wind)
 
 
-def _jsbsim(s: Scenario) -> Plant:
+def _jsbsim(s: Scenario, wind: Array) -> Plant:
     from aircraft.fleet import JsbsimFleet
 
-    return JsbsimFleet(_airframes(s), dt=s.rates.fdm_dt_s, start_speed=s.start.speed_mps)
+    return JsbsimFleet(_airframes(s), dt=s.rates.fdm_dt_s, start_speed=s.start.speed_mps, start_wind=wind)
 
 
-PLANTS = {"unicycle": _unicycle, "jsbsim": _jsbsim}
+def _lagged(s: Scenario, wind: Array) -> Plant:
+    from aircraft.kinematic import KinematicFleet
+
+    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, remedies.lag_table(s), s.start.speed_mps, wind)
 
 
-def plant(s: Scenario) -> Plant:
-    """The vehicles, ready for `reset`."""
-    return PLANTS[s.plant](s)
+PLANTS = {"unicycle": _unicycle, "lagged": _lagged, "jsbsim": _jsbsim}
+
+
+def plant(s: Scenario, wind: Array | None = None) -> Plant:
+    """The vehicles, ready for `reset` in `wind` (N, 3) m/s; None is calm."""
+    return PLANTS[s.plant](s, np.zeros((s.vehicles, 3)) if wind is None else wind)
+
+
+def disturbance(s: Scenario, rngs: dict[str, np.random.Generator]) -> Disturbance:
+    """What disturbs the flight, drawing from the generators named gust, noise and network."""
+    from testbed.disturbance import build
+
+    return build(s, rngs)
+
+
+def lags(s: Scenario) -> list[tuple[Lag, ...]]:
+    """Per vehicle or once for all, the lags of v, omega and zeta that a prediction may know."""
+    if s.plant != "jsbsim":
+        return [remedies.lag_table(s)]
+    known = []
+    for airframe in _airframes(s):
+        if airframe.identified is None:
+            raise UserError(f"remedy.predict_lags: airframe {airframe.name} has no identified channels")
+        channels = airframe.identified
+        known.append(tuple(remedies.identified_lag(c) for c in (channels.v, channels.omega, channels.zeta)))
+    return known
 
 
 def _airframes(s: Scenario) -> list[Any]:

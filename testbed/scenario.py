@@ -20,14 +20,20 @@ from testbed.sections import (
     Alpha,
     Barrier,
     Filter,
+    Gusts,
     InputSet,
+    Lags,
     Navigation,
+    Network,
     Nominal,
     Place,
     Positive,
     Rates,
+    Remedy,
     Section,
+    Sensing,
     Start,
+    Wind,
 )
 
 SCHEMA_VERSION = 1
@@ -42,7 +48,7 @@ class Scenario(Section):
     vehicles: Annotated[int, Field(ge=1, le=1000)]
     duration_s: Annotated[float, Field(ge=0, le=86400)] = 20.0
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1
-    plant: Literal["unicycle", "jsbsim"] = "unicycle"
+    plant: Literal["unicycle", "lagged", "jsbsim"] = "unicycle"
     airframes: list[str] = Field(
         default=["x8"], min_length=1, description="names or folders, repeated in turn"
     )
@@ -56,6 +62,12 @@ class Scenario(Section):
     barrier: Barrier = Barrier()
     alpha: Alpha = Alpha()
     navigation: Navigation = Navigation()
+    lags: Lags = Lags()
+    remedy: Remedy = Remedy()
+    wind: Wind = Wind()
+    gusts: Gusts = Gusts()
+    sensing: Sensing = Sensing()
+    network: Network = Network()
 
     @model_validator(mode="after")
     def consistent(self) -> Scenario:
@@ -73,6 +85,7 @@ class Scenario(Section):
             wanted = [(i, j) for i in range(1, self.vehicles + 1) for j in range(i + 1, self.vehicles + 1)]
             if [(p.i, p.j) for p in self.barrier.pairs] != wanted:
                 raise ValueError(f"barrier.pairs: list the pairs {wanted} in this order")
+        self.remedy.check(self.filter, self.barrier)
         ratio = self.duration_s / self.rates.filter_dt_s
         if abs(ratio - round(ratio)) > 1e-6:
             lower, upper = (f(ratio) * self.rates.filter_dt_s for f in (math.floor, math.ceil))
