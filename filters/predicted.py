@@ -136,7 +136,8 @@ class _Channel:
             if not np.all(np.isfinite(values) & (values >= 0)):
                 raise ValueError(f"a {name} must be finite and not negative, got {values.tolist()} s")
         # Finite, so that a channel without lag and limit, which jumps, needs no case of its own.
-        fall, rise = (np.minimum(np.abs([getattr(x, n) for x in lags]), 1e9) for n in ("rate_min", "rate_max"))
+        fall = np.minimum([-x.rate_min for x in lags], 1e9)
+        rise = np.minimum([x.rate_max for x in lags], 1e9)
         return cls(np.maximum(constant, 1e-9), delay, fall, rise)
 
 
@@ -168,9 +169,7 @@ class _Move:
     def rate(self, t: Array) -> Array:
         heard = np.maximum(t - self.delay, 0.0)
         decayed = self.left * np.exp(-np.maximum(heard - self.ramp, 0.0) / self.constant)
-        return np.asarray(
-            np.where(heard < self.ramp, self.now + self.slope * heard, self.asked - decayed)
-        )
+        return np.asarray(np.where(heard < self.ramp, self.now + self.slope * heard, self.asked - decayed))
 
     def angle(self, t: Array) -> Array:
         """The rate's integral over [0, t]."""

@@ -197,6 +197,15 @@ class Filter(Section):
     monitor: bool = Field(default=False, description="check Theorems 3 and 4 at every step, and compare QPs")
 
 
+class Checks(Section):
+    """Checks that cost more than watching the run."""
+
+    manoeuvre_instants: Annotated[int, Field(ge=0, le=1000)] = Field(
+        default=4,
+        description="instants, besides that of the least h, from which the vehicles really fly gamma; 0 is none",
+    )
+
+
 class Navigation(Section):
     """The navigation-function baseline, with the parameters its authors' comparison used."""
 
@@ -246,7 +255,7 @@ class Gusts(Section):
     sigma_mps: Annotated[float, Field(ge=0, le=20)] | None = Field(
         default=None, description="of each component; replaces what intensity says"
     )
-    length_m: Annotated[float, Field(ge=1, le=1e5)] = Field(
+    length_scale_m: Annotated[float, Field(ge=1, le=1e5)] = Field(
         default=300.0, description="the Dryden L; 300 m belongs to 300 m above the ground"
     )
     independent: bool = Field(
@@ -345,15 +354,15 @@ class Remedy(Section):
     )
     predict_lags: bool = Field(
         default=False,
-        description="poses predicted by each channel's lag: on jsbsim as identified for the airframe, else [lags]",
+        description="poses predicted by each channel's lag: the airframe's identified one, or of [lags]",
     )
-    air_mass: bool = Field(default=False, description="filter in the frame of the steady wind, taken as known")
+    air_mass: bool = Field(default=False, description="filter in the frame of the steady wind, then known")
 
     @model_validator(mode="after")
     def complete(self) -> Remedy:
         if self.prediction_s and self.predict_lags:
             raise ValueError("prediction_s and predict_lags both predict the pose; set one of them")
-        scales = [name for name in type(self).model_fields if name.startswith("issf_") and name[5:] != "epsilon"]
+        scales = ("issf_v_mps", "issf_omega_degps", "issf_zeta_mps")
         if self.issf_epsilon is None:
             for name in scales:
                 if getattr(self, name) != type(self).model_fields[name].default:
@@ -381,4 +390,4 @@ class Remedy(Section):
             if name == "derate_speed" and barrier.kind == "euclidean":
                 raise ValueError("remedy.derate_speed: a 'euclidean' barrier has no manoeuvre")
             if name == "predict_lags" and (barrier.pairs or barrier.kind == "euclidean"):
-                raise ValueError("remedy.predict_lags: needs one evading manoeuvre that the barrier is made of")
+                raise ValueError("remedy.predict_lags: needs one evading manoeuvre, that of the barrier")
