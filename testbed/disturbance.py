@@ -71,7 +71,7 @@ def build(s: Scenario, rngs: dict[str, np.random.Generator]) -> Disturbances:
     sigma = gusts.SIGMA_MPS[g.intensity] if g.sigma_mps is None else g.sigma_mps
     if sigma:
         carried = np.zeros(3) if steady is None else steady.mean()
-        field = gusts.draw(rngs["gust"], sigma, g.length_m, carried, s.vehicles if g.independent else 1)
+        field = gusts.draw(rngs["gust"], sigma, g.length_scale_m, carried, s.vehicles if g.independent else 1)
     return Disturbances(steady, field, _knowledge(s, rngs))
 
 

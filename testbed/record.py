@@ -47,6 +47,11 @@ AIRCRAFT_COLUMNS: dict[str, tuple[str, str]] = {
     "limited_omega": ("", "the autopilot limits the turn rate"),
     "limited_zeta": ("", "the autopilot limits the climb rate"),
 }
+WIND_COLUMNS: dict[str, tuple[str, str]] = {
+    "wind_east_mps": ("m/s", "the air's motion over the ground at the vehicle, east; only in runs with wind"),
+    "wind_north_mps": ("m/s", "the same, north"),
+    "wind_up_mps": ("m/s", "the same, up"),
+}
 PAIR_COLUMNS: dict[str, tuple[str, str]] = {
     "t_s": ("s", "time since the start"),
     "i": ("", "vehicle, counted from 1"),
@@ -138,7 +143,7 @@ class Run:
 
     @cached_property
     def vehicles(self) -> pd.DataFrame:
-        """One row per recorded time and vehicle; columns in VEHICLE_COLUMNS and AIRCRAFT_COLUMNS."""
+        """One row per recorded time and vehicle; columns in VEHICLE_, AIRCRAFT_ and WIND_COLUMNS."""
         return self._frame("vehicles")
 
     @cached_property

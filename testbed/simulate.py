@@ -19,14 +19,17 @@ from filters.monitor import Monitor
 from filters.qp import Status
 from filters.unicycle import Array, Command, Limits, State, View
 from testbed import catalogue, guarantees, ledger
+from testbed.disturbance import Disturbance
 from testbed.errors import UserError
-from testbed.record import REALISED_COLUMNS, Columns, MemorySink, Recorder, Run, Sink
+from testbed.record import REALISED_COLUMNS, WIND_COLUMNS, Columns, MemorySink, Recorder, Run, Sink
 from testbed.scenario import SCHEMA_VERSION, Scenario
 from testbed.start import generators, places
 from testbed.store import RunWriter, load, staged
 from testbed.tally import Tally
 
 Progress = Callable[[float, float], None]
+# Gusts change within a long filter period: the air is asked at least so often [s].
+WIND_PERIOD_S = 0.05
 STATUS_NAMES = np.array([s.name.lower() for s in Status])
 
 
@@ -74,13 +77,17 @@ class _Flight:
         limits, barrier = catalogue.limits(s), catalogue.barrier(s)
         i, j = all_pairs(s.vehicles)
         started_safe = _check_start(s, barrier, start, i, j, self.force)
-        plant = catalogue.plant(s)
-        plant.reset(start, rngs["plant"])
+        disturbance = catalogue.disturbance(s, rngs)
+        plant = catalogue.plant(s, disturbance.wind(0.0, start))
+        try:
+            plant.reset(start, rngs["plant"])
+        except RuntimeError as error:  # no steady flight at the start, in this wind
+            raise UserError(f"start: {error}") from None
         tally = Tally(s.vehicles)
         tally.positions(np.zeros(1), _position(start)[None], goal, s.goal_radius_m, i, j)
         recorder = Recorder(self.sink)
         filter_ = catalogue.filter_(s, barrier, goal)
-        end = self._loop(plant, filter_, barrier, limits, goal, tally, recorder)
+        end = self._loop(plant, disturbance, filter_, barrier, limits, goal, tally, recorder)
         recorder.close()
         verdicts = guarantees.judge(s, tally, i, j, started_safe, end)
         manifest = _manifest(s, tally, end)
@@ -96,6 +103,7 @@ class _Flight:
     def _loop(
         self,
         plant: Plant,
+        disturbance: Disturbance,
         filter_: Filter,
         barrier: Barrier,
         limits: Limits,
@@ -110,17 +118,17 @@ class _Flight:
         waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
         steps, dt, n = s.filter_steps, s.rates.filter_dt_s, s.rates.fdm_steps
         offsets = s.rates.fdm_dt_s * np.arange(1, n + 1)
-        calm = np.zeros((s.vehicles, 3))
         before: _Before | None = None
         open_row: Columns | None = None  # of `pairs`, waiting for what the motion makes of it
         end: str | None = None
         for step in range(steps + 1):
             t = step * dt
             truth, rates = plant.state(), plant.achieved()
-            waiting.append(nominal(t, truth))
+            air, view = disturbance.wind(t, truth), disturbance.observe(t, truth, rates)
+            waiting.append(nominal(t, view.own().state))
             wanted = waiting.popleft()
-            decision = filter_(View(truth, rates), wanted, limits)
-            true = _true_pairs(decision, filter_, barrier, truth)
+            decision = filter_(view, wanted, limits)
+            true = _true_pairs(decision, filter_, barrier, view, truth)
             tally.decided(t, dt, decision, wanted, rates, limits)
             tally.failed(t, decision, bool(np.all(true.h >= 0.0)))
             recording = step % s.rates.record_steps == 0
@@ -140,12 +148,13 @@ class _Flight:
                 before = _Before(true, lie, alpha_h, decision.command, rates, telemetry)
                 open_row = _pair_rows(t, truth, decision, true, lie) if recording else None
             if recording:
-                recorder.add("vehicles", _vehicle_rows(t, truth, rates, wanted, decision, telemetry))
+                further = telemetry | (_wind_columns(air) if disturbance.windy else {})
+                recorder.add("vehicles", _vehicle_rows(t, truth, rates, wanted, decision, further))
             if self.progress is not None:
                 self.progress(t, s.duration_s)
             if step == steps:
                 break
-            track = plant.step(decision.command, calm, n)
+            track = _advance(plant, disturbance, decision.command, t, air, n)
             fault = next((f"vehicle {v + 1}: {what}" for v, what in enumerate(plant.faults()) if what), None)
             if fault is not None:
                 end = f"{fault} by {t + dt:.3f} s, the run ended there"
@@ -192,6 +201,20 @@ def _solved_rows(decision: Decision, alpha: OddPolynomial) -> Array:
     return np.where(solved[p.i] & solved[p.j], decision.hdot_predicted + alpha(p.h), np.inf)
 
 
+def _advance(plant: Plant, disturbance: Disturbance, command: Command, t: float, air: Array, n: int) -> Array:
+    """Fly `command` for n periods from time t, where the wind is `air`; positions (n, N, 3) m."""
+    most = max(1, int(WIND_PERIOD_S / plant.dt + 1e-9)) if disturbance.windy else n
+    track = [plant.step(command, air, min(most, n))]
+    for k in range(most, n, most):
+        air = disturbance.wind(t + k * plant.dt, plant.state())
+        track.append(plant.step(command, air, min(most, n - k)))
+    return np.concatenate(track)
+
+
+def _wind_columns(air: Array) -> Columns:
+    return dict(zip(WIND_COLUMNS, air.T.copy(), strict=True))
+
+
 def _position(state: State) -> Array:
     return np.stack([state.x, state.y, state.z], axis=-1)
 
@@ -219,15 +242,18 @@ def _check_start(
     return False
 
 
-def _true_pairs(decision: Decision, filter_: Filter, barrier: Barrier, truth: State) -> PairValues:
+def _true_pairs(
+    decision: Decision, filter_: Filter, barrier: Barrier, view: View, truth: State
+) -> PairValues:
     """The unmodified barrier at the true state; the filter's own values where they are just that."""
-    if decision.pairs is not None and getattr(filter_, "barrier", None) is barrier:
+    same = view.state is truth and getattr(filter_, "barrier", None) is barrier
+    if decision.pairs is not None and same:
         return decision.pairs
     return barrier.values(truth)
 
 
 def _vehicle_rows(
-    t: float, truth: State, rates: Command, wanted: Command, decision: Decision, telemetry: dict[str, Array]
+    t: float, truth: State, rates: Command, wanted: Command, decision: Decision, further: Columns
 ) -> Columns:
     n = len(truth)
     columns = {"t_s": np.full(n, t), "vehicle": np.arange(1, n + 1, dtype=np.int32)}
@@ -235,7 +261,7 @@ def _vehicle_rows(
     for suffix, c in (("", rates), ("_nominal", wanted), ("_command", decision.command)):
         columns |= {f"v{suffix}_mps": c.v, f"omega{suffix}_radps": c.omega, f"zeta{suffix}_mps": c.zeta}
     columns |= {"override": decision.override, "qp_status": STATUS_NAMES[decision.status]}
-    return columns | telemetry
+    return columns | further
 
 
 def _pair_rows(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -32,7 +34,7 @@ def test_correlations_along_and_across_a_line_are_drydens() -> None:
         v = u @ direction
         products = v[:, :1] * v
         error = products.std(axis=0) / np.sqrt(len(v))
-        # Four standard errors (about 0.1 at most) at each of 14 points: 1 in 1100 by chance, and the seed is fixed.
+        # Four standard errors, 0.1 at most, at each of 14 points: 1 in 1100 by chance, and the seed is fixed.
         assert np.all(np.abs(products.mean(axis=0) - exact) < 4 * error)
     mixed = (u[:, 0] @ along) * (u[:, 4] @ across)
     assert abs(mixed.mean()) < 4 * mixed.std() / np.sqrt(len(mixed))
@@ -77,7 +79,7 @@ def test_spectra_along_a_flown_line_are_drydens() -> None:
     longitudinal = 2 * SIGMA**2 * LENGTH / np.pi / (1 + x)
     lateral = SIGMA**2 * LENGTH / np.pi * (1 + 3 * x) / (1 + x) ** 2
     edges = np.geomspace(2 / LENGTH, 60 / LENGTH, 7)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         band = (k >= low) & (k < high)
         for component, exact in ((1, longitudinal), (0, lateral), (2, lateral)):
             drawn = power[:, band, component].sum(axis=1) / exact[band].sum()
@@ -138,9 +140,8 @@ def test_at_300_m_the_milspec_is_isotropic_to_two_per_cent() -> None:
     assert sigma_u == pytest.approx(1.0052, abs=1e-4)
     assert length_u == pytest.approx(304.7, abs=0.1)
     assert gusts.low_altitude(304.8, 10.0) == pytest.approx((1.0, 1.0, 304.8, 304.8))
-    assert gusts.SIGMA_MPS == pytest.approx(
-        {"none": 0, "light": 0.7717, "moderate": 1.5433, "severe": 2.315}, abs=1e-4
-    )
+    sigmas = [gusts.SIGMA_MPS[name] for name in ("none", "light", "moderate", "severe")]
+    assert sigmas == pytest.approx([0.0, 0.7717, 1.5433, 2.315], abs=1e-4)
     with pytest.raises(ValueError, match=r"304\.8 m, got 500 m"):
         gusts.low_altitude(500.0, 10.0)
 
