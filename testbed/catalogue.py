@@ -169,7 +169,7 @@ def _unicycle(s: Scenario, wind: Array) -> Plant:
 def _jsbsim(s: Scenario, wind: Array) -> Plant:
     from aircraft.fleet import JsbsimFleet
 
-    return JsbsimFleet(_airframes(s), dt=s.rates.fdm_dt_s, start_speed=s.start.speed_mps, start_wind=wind)
+    return JsbsimFleet(airframes(s), dt=s.rates.fdm_dt_s, start_speed=s.start.speed_mps, start_wind=wind)
 
 
 def _lagged(s: Scenario, wind: Array) -> Plant:
@@ -198,7 +198,7 @@ def lags(s: Scenario) -> list[tuple[Lag, ...]]:
     if s.plant != "jsbsim":
         return [remedies.lag_table(s)]
     known = []
-    for airframe in _airframes(s):
+    for airframe in airframes(s):
         if airframe.identified is None:
             raise UserError(f"remedy.predict_lags: airframe {airframe.name} has no identified channels")
         channels = airframe.identified
@@ -206,7 +206,7 @@ def lags(s: Scenario) -> list[tuple[Lag, ...]]:
     return known
 
 
-def _airframes(s: Scenario) -> list[Any]:
+def airframes(s: Scenario) -> list[Any]:
     from aircraft.airframe import load
 
     try:
@@ -221,7 +221,7 @@ def airframe_hashes(s: Scenario) -> dict[str, str]:
     if s.plant != "jsbsim":
         return {}
     hashes = {}
-    for airframe in _airframes(s):
+    for airframe in airframes(s):
         digest = hashlib.sha256()
         for file in sorted(p for p in airframe.folder.rglob("*") if p.is_file()):
             digest.update(str(file.relative_to(airframe.folder)).encode() + b"\0" + file.read_bytes())

@@ -19,6 +19,7 @@ from testbed.errors import UserError, nearest
 from testbed.sections import (
     Alpha,
     Barrier,
+    Checks,
     Filter,
     Gusts,
     InputSet,
@@ -62,6 +63,7 @@ class Scenario(Section):
     barrier: Barrier = Barrier()
     alpha: Alpha = Alpha()
     navigation: Navigation = Navigation()
+    checks: Checks = Checks()
     lags: Lags = Lags()
     remedy: Remedy = Remedy()
     wind: Wind = Wind()

@@ -202,7 +202,7 @@ class Checks(Section):
 
     manoeuvre_instants: Annotated[int, Field(ge=0, le=1000)] = Field(
         default=4,
-        description="instants, besides that of the least h, from which the vehicles really fly gamma; 0 is none",
+        description="instants, besides that of least h, from which vehicles really fly gamma; 0 is none",
     )
 
 

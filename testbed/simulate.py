@@ -12,15 +12,18 @@ from typing import Any
 import numpy as np
 
 from aircraft.plant import Plant
+from aircraft.replay import Replay
 from filters.alpha import OddPolynomial
 from filters.barrier import Barrier, PairValues, TurnBarrier, all_pairs
 from filters.collision import Decision, Filter
 from filters.monitor import Monitor
 from filters.qp import Status
 from filters.unicycle import Array, Command, Limits, State, View
-from testbed import catalogue, guarantees, ledger
+from testbed import catalogue, guarantees, ledger, manoeuvre
 from testbed.disturbance import Disturbance
 from testbed.errors import UserError
+from testbed.flyable import unflyable
+from testbed.premises import premises
 from testbed.record import REALISED_COLUMNS, WIND_COLUMNS, Columns, MemorySink, Recorder, Run, Sink
 from testbed.scenario import SCHEMA_VERSION, Scenario
 from testbed.start import generators, places
@@ -78,7 +81,8 @@ class _Flight:
         i, j = all_pairs(s.vehicles)
         started_safe = _check_start(s, barrier, start, i, j, self.force)
         disturbance = catalogue.disturbance(s, rngs)
-        plant = catalogue.plant(s, disturbance.wind(0.0, start))
+        air = disturbance.wind(0.0, start)
+        plant = Replay(lambda: catalogue.plant(s, air))
         try:
             plant.reset(start, rngs["plant"])
         except RuntimeError as error:  # no steady flight at the start, in this wind
@@ -89,7 +93,12 @@ class _Flight:
         filter_ = catalogue.filter_(s, barrier, goal)
         end = self._loop(plant, disturbance, filter_, barrier, limits, goal, tally, recorder)
         recorder.close()
-        verdicts = guarantees.judge(s, tally, i, j, started_safe, end)
+        straight = np.linalg.norm(goal - _position(start), axis=-1)
+        flown = guarantees.Flown(s, tally, i, j, started_safe, end, straight)
+        verdicts = premises(flown, barrier, limits, unflyable(s, barrier)) + guarantees.judge(flown)
+        if s.checks.manoeuvre_instants and end is None:
+            when = manoeuvre.instants(s, tally.h.worst()[2], s.duration_s)
+            verdicts.append(manoeuvre.fly(s, plant.branch, disturbance.wind, barrier, limits, when, i, j))
         manifest = _manifest(s, tally, end)
         if isinstance(filter_, Monitor):
             verdicts += guarantees.monitored(filter_.record, s.rates.filter_dt_s)

@@ -1,0 +1,40 @@
+"""Can these vehicles fly the evading manoeuvre for ever, in this wind?"""
+
+from __future__ import annotations
+
+import math
+
+from filters.barrier import Barrier
+from testbed import catalogue
+from testbed.scenario import Scenario
+
+
+def unflyable(s: Scenario, barrier: Barrier) -> list[str]:
+    """Why vehicles cannot fly gamma steadily, one sentence each; empty if all can.
+
+    In steady wind the airspeed of a turn at constant ground speed swings by the wind speed to either side,
+    and the airframe must trim at both ends. Kinematic plants can fly every input in U.
+    """
+    if s.plant != "jsbsim" or not s.barrier.shared:
+        return []
+    from aircraft.fdm import FdmError
+    from aircraft.trim import trim
+
+    gamma = barrier.manoeuvre(s.vehicles)
+    reasons, known = [], {}
+    for vehicle, airframe in enumerate(catalogue.airframes(s)):
+        v, omega, zeta = (float(c[vehicle]) for c in (gamma.v, gamma.omega, gamma.zeta))
+        for airspeed in sorted({v - s.wind.speed_mps, v + s.wind.speed_mps}):
+            case = (airframe.name, airspeed, omega, zeta)
+            if case not in known:
+                try:
+                    trim(airframe, airspeed, zeta, omega)
+                    known[case] = ""
+                except (FdmError, ValueError) as error:
+                    known[case] = str(error)
+            if known[case]:
+                reasons.append(
+                    f"vehicle {vehicle + 1} ({airframe.name}) has no steady turn of"
+                    f" {math.degrees(omega):.1f} deg/s at {airspeed:.1f} m/s"
+                )
+    return reasons
