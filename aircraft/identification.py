@@ -56,7 +56,10 @@ def identify(airframe: Airframe, channel: str) -> tuple[float, float, float, flo
     size = np.abs(after - before)[:, None]
 
     def misfit(logs: Array) -> float:
-        return float(np.mean(((model(before, after, *np.exp(logs), flown.shape[1]) - flown) / size) ** 2))
+        t, delay, falls, rises = np.exp(logs).tolist()
+        return float(
+            np.mean(((model(before, after, t, delay, falls, rises, flown.shape[1]) - flown) / size) ** 2)
+        )
 
     fastest = float(np.abs(np.diff(flown, axis=1)).max()) / DT_S
     guess = np.log([0.3, 0.1, fastest, fastest])

@@ -41,5 +41,5 @@ def test_a_lagged_unicycle_stays_near_the_aircraft_on_commands_it_was_not_fitted
         command = Command([rng.uniform(16, 24)], [rng.uniform(-0.2, 0.2)], [rng.uniform(-1.5, 3.5)])
         tracks = [plant.step(command, np.zeros((1, 3)), 200) for plant in plants]
         miss.append(np.linalg.norm(tracks[0][-1, 0] - tracks[1][-1, 0]))
-    # along 160 m: healthy 2.6 m, a unicycle without lags 6 m. Later they part: climbing aircraft slow down faster
+    # along 160 m: healthy 2.6 m, without lags 6 m. Later they part: climbing aircraft slow down faster
     assert max(miss) < 3.5, miss
