@@ -12,9 +12,9 @@ from filters.unicycle import Array, Command, State
 class Plant(Protocol):
     """Vehicles that fly commands. `step` returns every position passed, so that no minimum is missed.
 
-    reset(state, rng)       start at `state` (and the speed the plant was built with); all internal states settled
-    step(command, wind, n)  fly `command` (N,) for n periods of `dt` in `wind` (N, 3) m/s (east, north, up: the
-                            air's motion over the ground); returns positions (n, N, 3) m after each period
+    reset(state, rng)       start at `state`, at the speed the plant was built with; internal states settled
+    step(command, wind, n)  fly `command` (N,) for n periods of `dt` in `wind` (N, 3) m/s (east, north, up:
+                            the air's motion over the ground); returns positions (n, N, 3) m after each
     state()                 the pose now: course and east-north-up position, the truth
     achieved()              ground speed, course rate and climb rate now, in the type they were asked in
     telemetry()             further recorded channels, name -> (N,); empty for kinematic plants
