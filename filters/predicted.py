@@ -77,18 +77,18 @@ class LaggedPose:
     Raises  ValueError for another number of lags, or a time that is negative or not finite.
 
     A channel of time constant T and delay d, given u from now on, keeps its rate r for d (what it hears is
-    on its way already), then moves towards u no faster than its rate limits and decays as exp(-t/T). Once
-    that is over, the vehicle flies the arc of a unicycle that started now from another pose, displaced by
-    integral(r - u): for a height T + d times (zeta - zeta_u). That pose A is where the transient carries the
-    vehicle *beyond* the commanded motion, and h(A) under the evading manoeuvre is the clearance the lagged
-    vehicles end up with.
+    on its way already), then moves towards u no faster than its rate limits allow and decays as exp(-t/T).
+    Once that is over, the vehicle flies the arc that a unicycle would, given u now at another pose: the pose
+    returned. It is displaced by where the transient carries the vehicle *beyond* the commanded motion,
+    integral(r - u): for course and height (T + d) (r - u), for the position the integral of
+    v(t) e(theta(t)) - v_u e(theta_u + omega_u t), by quadrature.
 
-    A is then advanced along `held` by S, the longest T + d of the turn channels. That changes no h (the
-    barrier of a shared turn is constant along it) but its derivatives: without delay and rate limits the
-    course becomes y = theta + T omega + (S - T) omega_u, whose rate is exactly the *commanded* omega, as in
-    the unicycle; the same holds for the height, for the position on a straight course, and for all of them
-    when the command is `held`. So the manoeuvre keeps satisfying every row, as in Theorem 3. Remaining
-    error: inputs other than `held` while turning, of first order in (T_v - T_omega) omega |v - v_u|.
+    So h there is the clearance at which the lagged vehicles end up when all fly `held`, it stays the same
+    while they do, and the evading manoeuvre keeps satisfying every row, as in Theorem 3. Without delay and
+    rate limits the pose's course and height change at exactly the commanded omega and zeta whatever they are
+    (d(theta + T omega)/dt = omega_u, the reason for all this), and its position at v_u e while the course is
+    steady. Remaining error: inputs other than `held` while turning, of first order in the lags; and h says
+    nothing of the transient itself.
     """
 
     def __init__(self, lags: Sequence[Sequence[Lag]], held: Command) -> None:
@@ -96,18 +96,11 @@ class LaggedPose:
             raise ValueError(f"{len(held)} vehicles need one or {len(held)} triples of lags, got {len(lags)}")
         self.held = held
         self._channels = [_Channel.of([triple[c] for triple in lags]) for c in range(3)]
-        turn = self._channels[1]
-        self.shift = float(np.max(turn.delay + turn.constant))
 
     def __call__(self, state: State, rates: Command) -> State:
         u = self.held
-        moves = [
-            _Move.of(channel, now, asked)
-            for channel, now, asked in zip(
-                self._channels, (rates.v, rates.omega, rates.zeta), (u.v, u.omega, u.zeta), strict=True
-            )
-        ]
-        speed, turn, climb = moves
+        of = zip(self._channels, (rates.v, rates.omega, rates.zeta), (u.v, u.omega, u.zeta), strict=True)
+        speed, turn, climb = (_Move.of(*channel) for channel in of)
         theta = state.theta + turn.excess
         t, weight = _nodes(speed, turn)
         # Course of the vehicle and of the unicycle it ends up on, along a new first axis of times.
@@ -116,8 +109,7 @@ class LaggedPose:
         v = speed.rate(t)
         east = np.sum(weight * (v * np.cos(flown) - u.v * np.cos(ideal)), axis=0)
         north = np.sum(weight * (v * np.sin(flown) - u.v * np.sin(ideal)), axis=0)
-        ended = State(state.x + east, state.y + north, theta, state.z + climb.excess)
-        return step(ended, Command(*np.broadcast_arrays(u.v, u.omega, u.zeta)), self.shift)
+        return State(state.x + east, state.y + north, theta, state.z + climb.excess)
 
 
 @dataclass(frozen=True, eq=False)
