@@ -87,7 +87,9 @@ def _knowledge(s: Scenario, rngs: dict[str, np.random.Generator]) -> list[Callab
     stages: list[Callable[[View], View]] = []
     if sigmas.any():
         persistence = float(np.exp(-dt / m.drift_time_s))
-        stages.append(Sensing(*sigmas, persistence, m.source == "sensors", s.vehicles, rngs["noise"]))
+        noise, drift, bias = sigmas
+        everyone = m.source == "sensors"
+        stages.append(Sensing(noise, drift, bias, persistence, everyone, s.vehicles, rngs["noise"]))
     if m.delay_s or link.latency_s or link.loss:
         # A centralised QP is solved in one place, which hears of every vehicle over a link.
         central = s.filter.kind == "centralised"

@@ -63,7 +63,7 @@ def test_a_still_unicycle_and_an_aircraft_meet_the_same_air() -> None:
             state = State(rows.x_m, rows.y_m, rows.theta_rad, rows.z_m)
             assert np.allclose(rows[WIND].to_numpy(), air.wind(float(t), state), atol=1e-12)  # type: ignore[arg-type]
         first[plant] = flown[flown.t_s == 0][WIND].to_numpy()
-    # An aircraft starts where the unicycle does, to some 10 um; fields of other seeds differ by metres a second.
+    # An aircraft starts where the unicycle does, to some 10 um; fields of other seeds differ by m/s.
     assert np.allclose(first["unicycle"], first["jsbsim"], atol=1e-4)
     assert np.abs(first["jsbsim"] - [4.0, 0.0, 0.0]).max() > 0.1
 
