@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from filters import qp
 from filters.pairs import Barrier, PairValues
 from filters.qp import Status
+from filters.qp_each import solve_each
 from filters.robust import Margin
 from filters.rows import Alpha, OwnRows, PerPair, Rows, barrier_rows, least, limited_rows, observed_rows
 from filters.unicycle import Array, Command, Limits, View
@@ -72,7 +73,8 @@ class CollisionFilter:
     alpha    h (P,) -> (P,) m/s, extended class K
     mode     "centralised": one QP over all vehicles; "limited": one per vehicle, on its own view
     margin   what each vehicle's side of a row is raised by (see `filters.robust`); None is the paper's filter
-    Raises   ValueError for several barriers without `shared=False`, or an unknown mode.
+    solver   "auto" or "osqp" (see `qp.Solver`)
+    Raises   ValueError for several barriers without `shared=False`, or an unknown mode or solver.
 
     A vehicle whose QP has no solution flies gamma clipped to the limits; without a shared gamma it flies the
     input with the largest common row margin. Its status says so.
@@ -85,6 +87,7 @@ class CollisionFilter:
         mode: Literal["centralised", "limited"] = "centralised",
         shared: bool = True,
         margin: Margin | None = None,
+        solver: qp.Solver = "auto",
     ) -> None:
         own = tuple(barrier) if isinstance(barrier, Sequence) else getattr(barrier, "barriers", ())
         if own:
@@ -100,7 +103,8 @@ class CollisionFilter:
         if mode not in ("centralised", "limited"):
             raise ValueError(f"mode is 'centralised' or 'limited', not {mode!r}")
         self.barrier: Barrier = barrier
-        self.alpha, self.mode, self.margin = alpha, mode, margin
+        qp.check_solver(solver)
+        self.alpha, self.mode, self.margin, self.solver = alpha, mode, margin, solver
 
     def rows(self, view: View) -> Rows:
         """The paper's rows of all pairs, without margin, from what each vehicle knows of itself."""
@@ -118,7 +122,7 @@ class CollisionFilter:
         """
         target, lower, upper = input_set(view, nominal, limits)
         rows = self.rows(view)
-        problem = Problem(target, lower, upper, self.barrier)
+        problem = Problem(target, lower, upper, self.barrier, self.solver)
         if self.mode == "centralised":
             u, status, residual = problem.centralised(rows.raised(self.margin))
         else:
@@ -139,6 +143,7 @@ class Problem:
     lower: Array
     upper: Array
     barrier: Barrier | None = None
+    solver: qp.Solver = "auto"
 
     def clipped(self) -> Array:
         """The targets inside the limits (N, 3)."""
@@ -166,18 +171,28 @@ class Problem:
             for g in np.unique(group[i[broken]]):
                 inside = np.flatnonzero(group == g)
                 use = np.flatnonzero(kept & (group[i] == g))
-                u[inside], status[inside] = self._joint(rows, inside, use)
+                solution = self._joint(rows, inside, use)
+                u[inside], status[inside] = solution.u.reshape(-1, 3), int(solution.status)
+                if solution.status != Status.SOLVED:
+                    self._evade(u, inside)
             short = rows.rhs - rows.left(u)
         return u, status, _worst_of(len(u), (i, short), (j, short))
 
-    def _joint(self, rows: Rows, vehicles: Indices, use: Indices) -> tuple[Array, int]:
+    def _joint(self, rows: Rows, vehicles: Indices, use: Indices) -> qp.Solution:
         place = np.zeros(len(self.target), dtype=int)
         place[vehicles] = np.arange(vehicles.size)
         matrix = np.zeros((use.size, vehicles.size, 3))
         index = np.arange(use.size)
         matrix[index, place[rows.i[use]]] = rows.lie_i[use]
         matrix[index, place[rows.j[use]]] = rows.lie_j[use]
-        return self._solve(vehicles, matrix.reshape(use.size, -1), rows.rhs[use])
+        return qp.solve(
+            self.target[vehicles].ravel(),
+            matrix.reshape(use.size, -1),
+            rows.rhs[use],
+            self.lower[vehicles].ravel(),
+            self.upper[vehicles].ravel(),
+            self.solver,
+        )
 
     def limited(self, rows: OwnRows) -> tuple[Array, NDArray[np.int_], Array]:
         """Inputs (N, 3), status (N,) and residual (N,) of one QP per vehicle over its own rows."""
@@ -188,21 +203,22 @@ class Problem:
         broken = short > 0
         if broken.any():
             kept = ~(least(rows.lie, self.lower[vehicle], self.upper[vehicle]) >= rows.rhs)
-            for n in np.unique(vehicle[kept & broken]):
-                use = kept & (vehicle == n)
-                u[n], status[n] = self._solve(np.array([n]), rows.lie[use], rows.rhs[use])
+            solving = np.zeros(len(u), dtype=bool)
+            solving[vehicle[kept & broken]] = True
+            use = np.flatnonzero(kept & solving[vehicle])
+            u, status = solve_each(
+                self.target, vehicle[use], rows.lie[use], rows.rhs[use], self.lower, self.upper, self.solver
+            )
+            for n in np.flatnonzero(status != Status.SOLVED):
+                self._evade(u, np.array([n]))
             short = rows.rhs - rows.left(u)
         return u, status, _worst_of(len(u), (vehicle, short))
 
-    def _solve(self, vehicles: Indices, matrix: Array, rhs: Array) -> tuple[Array, int]:
-        lower, upper = self.lower[vehicles], self.upper[vehicles]
-        solution = qp.solve(self.target[vehicles].ravel(), matrix, rhs, lower.ravel(), upper.ravel())
-        u = solution.u.reshape(-1, 3)
-        if solution.status != Status.SOLVED and self.barrier is not None:
-            gamma = _manoeuvre(self.barrier, len(self.target))
-            if gamma is not None:
-                u = np.clip(gamma[vehicles], lower, upper)
-        return u, int(solution.status)
+    def _evade(self, u: Array, vehicles: Indices) -> None:
+        """Have `vehicles` of u (N, 3) fly gamma, if there is one: their QP has no solution."""
+        gamma = None if self.barrier is None else _manoeuvre(self.barrier, len(self.target))
+        if gamma is not None:
+            u[vehicles] = np.clip(gamma[vehicles], self.lower[vehicles], self.upper[vehicles])
 
 
 def _manoeuvre(barrier: Barrier, n: int) -> Array | None:

@@ -104,7 +104,7 @@ class Monitor:
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
         decision = self.filter(view, nominal, limits)
-        problem = Problem(*input_set(view, nominal, limits), self.filter.barrier)
+        problem = Problem(*input_set(view, nominal, limits), self.filter.barrier, self.filter.solver)
         self._watch(self.filter.rows(view), problem)
         self.record.steps += 1
         return decision

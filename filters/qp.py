@@ -2,26 +2,34 @@
 
     minimise  1/2 |u - target|^2   subject to   rows u >= rhs,   lower <= u <= upper
 
-This is the only module that imports osqp, and it does so at the first solve. OSQP finds which constraints
-are active; where its polish leaves an error, `_nearest` makes the answer exact. `solve` keeps no state
-between calls, so equal arguments give equal bytes whatever was solved before.
+This is the only module that imports osqp, and it does so at the first solve. A solver (the dual active-set
+method of `active_set`, or OSQP) finds which constraints are active; where that leaves an error, `_nearest`
+makes the answer exact. `solve` keeps no state between calls, so equal arguments give equal bytes whatever was
+solved before.
 """
 
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from filters import active_set
+
+Solver = Literal["auto", "osqp"]
+"""Which solver goes first: "auto" the one measured to be faster (docs/decisions/0003), or always OSQP."""
 
 Array = NDArray[np.float64]
 
 # OSQP's efforts, tried in turn: (eps_abs = eps_rel, most iterations). What 1000 iterations do not settle the
 # refinement does, sooner than more iterations would.
 EFFORTS = ((1e-6, 1_000), (1e-9, 20_000))
-# A polished OSQP answer is taken as it is when its duality gap [1] and its violation of the rows, each
+# A solver's answer is taken as it is when its duality gap [1] and its violation of the rows, each
 # divided by its norm, are below this; otherwise it is refined.
 ACCEPT = 1e-9
 # Largest violation of any row, in the unit of that row (m/s for a barrier's), of a solution called SOLVED.
@@ -51,8 +59,8 @@ class Solution:
                 the rows, largest common margin first. Inside the box exactly, always finite.
     status      how it ended
     residual    largest violation over all rows given, in the rows' own unit, and the box; >= 0
-    iterations  OSQP's, over all attempts; 0 if it was not needed
-    refined     whether `_nearest` replaced OSQP's answer
+    iterations  the solvers', over all attempts; 0 if none was needed
+    refined     whether `_nearest` replaced the solver's answer
     margin      the largest common row margin max_u min(rows u - rhs) if it was computed, else nan
     """
 
@@ -100,16 +108,25 @@ def best_margin(rows: ArrayLike, rhs: ArrayLike, lower: ArrayLike, upper: ArrayL
     return float(np.min(A @ u - b)), u
 
 
-def solve(target: ArrayLike, rows: Any, rhs: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> Solution:
+def solve(
+    target: ArrayLike,
+    rows: Any,
+    rhs: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    solver: Solver = "auto",
+) -> Solution:
     """The input nearest to `target` inside the box and above the rows.
 
     target        (n,)    finite; it may lie outside the box
     rows, rhs     (m, n)  dense or scipy sparse, and (m,); any scale, m may be 0
     lower, upper  (n,)    lower <= upper
+    solver        see `Solver`; either way OSQP has the last word before ITERATION_LIMIT
     Returns a Solution; infeasibility is a status, not an exception.
-    Raises  ValueError if shapes disagree, a number is not finite or lower > upper.
+    Raises  ValueError if shapes disagree, a number is not finite, lower > upper or the solver is unknown.
     Source  Squires et al. 2022, eqs. (9) and the limited-communication QP of "Control calculation".
     """
+    check_solver(solver)
     t, b = np.array(target, float).ravel(), np.array(rhs, float).ravel()
     lo, hi = np.array(lower, float).ravel(), np.array(upper, float).ravel()
     A = np.asarray(rows.toarray() if hasattr(rows, "toarray") else rows, float).reshape(b.size, t.size)
@@ -127,23 +144,34 @@ def solve(target: ArrayLike, rows: Any, rhs: ArrayLike, lower: ArrayLike, upper:
     # vehicles in one plane stay in it: rounding in a climb rate would grow, since climbing apart is safer.
     free = (lo < hi) & A.any(axis=0)
     if free.all():
-        return _solve_active(t, A, b, lo, hi)
+        return _solve_active(t, A, b, lo, hi, solver)
     if not free.any():
         short = violation(u, A, b)
         return Solution(u, Status.SOLVED if short <= RESIDUAL else Status.INFEASIBLE, short, margin=-short)
-    inner = _solve_active(t[free], A[:, free], b - A[:, ~free] @ u[~free], lo[free], hi[free])
+    inner = _solve_active(t[free], A[:, free], b - A[:, ~free] @ u[~free], lo[free], hi[free], solver)
     u[free] = inner.u
     return replace(inner, u=u, residual=violation(u, A, b))
 
 
-def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array) -> Solution:
+def check_solver(solver: str) -> None:
+    """Raises ValueError for the name of no solver."""
+    if solver not in get_args(Solver):
+        raise ValueError(f"unknown QP solver {solver!r}; choose one of {', '.join(get_args(Solver))}")
+
+
+def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array, solver: Solver) -> Solution:
     # Row norms reach hundreds per rad/s beside 1 per m/s, and a cubic alpha makes any rhs: unit rows.
     norm = np.linalg.norm(A, axis=1)
     norm[norm == 0.0] = 1.0
     unit, level = A / norm[:, None], b / norm
     iterations, margin = 0, float("nan")
-    for tolerance, most in EFFORTS:
-        u, dual, used, claims_infeasible = _osqp(t, unit, level, lo, hi, tolerance, most)
+    attempts: list[Callable[..., tuple[Array, Array, int, bool]]] = [
+        partial(_osqp, tolerance=tolerance, most=most) for tolerance, most in EFFORTS
+    ]
+    if solver == "auto":
+        attempts.insert(0, active_set.attempt)
+    for attempt in attempts:
+        u, dual, used, claims_infeasible = attempt(t, unit, level, lo, hi)
         iterations += used
         if not claims_infeasible:
             u = np.clip(u, lo, hi)

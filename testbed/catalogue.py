@@ -27,7 +27,7 @@ from testbed.start import generators, places
 if TYPE_CHECKING:
     from testbed.disturbance import Disturbance
 
-PACKAGES = ("jsbsim", "osqp", "numpy", "scipy", "pandas", "pyarrow")
+PACKAGES = ("jsbsim", "daqp", "osqp", "numpy", "scipy", "pandas", "pyarrow")
 
 
 def limits(s: Scenario) -> Limits:
@@ -107,7 +107,14 @@ def alpha(s: Scenario) -> OddPolynomial:
 def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
     own = ForwardDifference(b, s.barrier.gradient_step) if s.barrier.gradient == "forward" else b
     mode: Any = s.filter.kind
-    made = CollisionFilter(own, alpha(s), mode=mode, shared=s.barrier.shared, margin=remedies.margin(s))
+    made = CollisionFilter(
+        own,
+        alpha(s),
+        mode=mode,
+        shared=s.barrier.shared,
+        margin=remedies.margin(s),
+        solver=s.filter.solver,
+    )
     return Monitor(made) if s.filter.monitor else made
 
 

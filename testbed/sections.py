@@ -194,6 +194,9 @@ class Filter(Section):
     """What stands between the nominal controller and the vehicles."""
 
     kind: Literal["centralised", "limited", "navigation", "none"] = "centralised"
+    solver: Literal["auto", "osqp"] = Field(
+        default="auto", description="of the QPs: auto is the fastest one measured; every answer is checked"
+    )
     monitor: bool = Field(default=False, description="check Theorems 3 and 4 at every step, and compare QPs")
 
 

@@ -23,6 +23,7 @@ MAY_IMPORT = {
 HOMES = {
     "jsbsim": {"aircraft/fdm.py"},
     "osqp": {"filters/qp.py"},
+    "daqp": {"filters/active_set.py"},
     "control": {"aircraft/trim.py", "aircraft/linear.py", "aircraft/tuning.py"},
 }
 
@@ -78,7 +79,7 @@ def test_feet_stay_in_the_flight_dynamics_wrapper() -> None:
 @pytest.mark.parametrize("module", ["filters.collision", "testbed.cli"])
 def test_importing_is_light(module: str) -> None:
     """Solvers, aircraft and plotting load at first use, so that --help is quick."""
-    heavy = ("osqp", "jsbsim", "control", "matplotlib", "pandas")
+    heavy = ("osqp", "daqp", "jsbsim", "control", "matplotlib", "pandas")
     code = f"import sys, {module}; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd="/")
     assert done.stdout.strip() == "[]"

@@ -13,6 +13,8 @@ from scipy.optimize import minimize
 from filters import qp
 from filters.qp import Status
 
+SOLVERS = ("auto", "osqp")
+
 VECTORS = json.loads((Path(__file__).parent / "reference" / "vectors.json").read_text())
 
 
@@ -44,10 +46,11 @@ def vector_problems():
 PROBLEMS = {name: rest for name, *rest in vector_problems()}
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_reference_qps_are_solved_through_osqp_to_1e_6(name):
+def test_reference_qps_are_solved_to_1e_6_through_osqp_and_beside_it(name, solver):
     target, rows, rhs, lower, upper, u = PROBLEMS[name]
-    found = qp.solve(target, rows, rhs, lower, upper)
+    found = qp.solve(target, rows, rhs, lower, upper, solver)
     assert found.status == Status.SOLVED
     assert found.iterations > 0  # not by the shortcut
     assert found.residual <= 1e-9
@@ -75,14 +78,15 @@ def kkt_error(u, target, rows, rhs, lower, upper):
     return nnls(normals.T, u - target)[1] if len(normals) else float(np.linalg.norm(u - target))
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize(
     ("n", "m", "cases"), [(3, 5, 60), (3, 19, 60), (12, 6, 20), (30, 45, 10), (60, 190, 4)]
 )
-def test_random_qps_satisfy_the_optimality_conditions(n, m, cases):
+def test_random_qps_satisfy_the_optimality_conditions(n, m, cases, solver):
     rng = np.random.default_rng(n * 1000 + m)
     for _ in range(cases):
         problem = random_problem(rng, n, m)
-        found = qp.solve(*problem)
+        found = qp.solve(*problem, solver)
         assert found.status == Status.SOLVED
         assert found.residual <= 1e-6
         assert np.all((found.u >= problem[3]) & (found.u <= problem[4]))
@@ -106,11 +110,12 @@ def brute_force(target, rows, rhs, lower, upper):
     return best
 
 
-def test_small_qps_agree_with_the_enumeration_of_all_active_sets():
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_small_qps_agree_with_the_enumeration_of_all_active_sets(solver):
     rng = np.random.default_rng(4)
     for _ in range(25):
         problem = random_problem(rng, 3, 4)
-        np.testing.assert_allclose(qp.solve(*problem).u, brute_force(*problem), rtol=0, atol=1e-7)
+        np.testing.assert_allclose(qp.solve(*problem, solver).u, brute_force(*problem), rtol=0, atol=1e-7)
 
 
 def test_a_medium_qp_agrees_with_slsqp():
@@ -132,7 +137,7 @@ def test_a_medium_qp_agrees_with_slsqp():
     np.testing.assert_allclose(qp.solve(target, rows, rhs, lower, upper).u, other.x, rtol=0, atol=1e-5)
 
 
-def test_a_target_that_satisfies_all_rows_once_clipped_is_returned_without_osqp():
+def test_a_target_that_satisfies_all_rows_once_clipped_is_returned_without_a_solver():
     found = qp.solve([30.0, 0.0], [[1.0, 0.0]], [10.0], [15.0, -1.0], [25.0, 1.0])
     assert found.status == Status.SOLVED
     assert found.iterations == 0
@@ -179,49 +184,52 @@ def test_refinement_starts_from_nothing_as_well():
     np.testing.assert_array_equal(exact, t)
 
 
-def test_a_contradiction_is_infeasible_and_returns_the_least_bad_input():
-    found = qp.solve([0.0, 0.0], [[1.0, 0.0], [-1.0, 0.0]], [0.3, 0.1], [-1.0, -1.0], [1.0, 1.0])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_contradiction_is_infeasible_and_returns_the_least_bad_input(solver):
+    found = qp.solve([0.0, 0.0], [[1.0, 0.0], [-1.0, 0.0]], [0.3, 0.1], [-1.0, -1.0], [1.0, 1.0], solver)
     assert found.status == Status.INFEASIBLE
     assert found.margin == pytest.approx(-0.2, abs=1e-7)
     assert found.residual == pytest.approx(0.2, abs=1e-7)
     assert found.u[0] == pytest.approx(0.1, abs=1e-7)
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("gap", [0.0, 1e-8, 1e-4])
-def test_rows_that_leave_a_sliver_are_solved_not_called_infeasible(gap):
+def test_rows_that_leave_a_sliver_are_solved_not_called_infeasible(gap, solver):
     rows = np.array([[1.0, 200.0], [-1.0, -200.0]])
-    found = qp.solve([40.0, -3.0], rows, [20.0, -20.0 - gap], [15.0, -0.2], [25.0, 0.2])
+    found = qp.solve([40.0, -3.0], rows, [20.0, -20.0 - gap], [15.0, -0.2], [25.0, 0.2], solver)
     assert found.status == Status.SOLVED
     assert found.residual <= 1e-6
 
 
 def test_infeasible_is_not_taken_from_osqp_on_trust(monkeypatch):
     target, rows, rhs, lower, upper = random_problem(np.random.default_rng(7), 6, 4)
-    honest = qp.solve(target, rows, rhs, lower, upper)
+    honest = qp.solve(target, rows, rhs, lower, upper, "osqp")
     assert honest.iterations > 0
     monkeypatch.setattr(
-        qp, "_osqp", lambda t, A, b, lo, hi, *_: (np.clip(t, lo, hi), np.zeros(b.size), 1, True)
+        qp, "_osqp", lambda t, A, b, lo, hi, **_: (np.clip(t, lo, hi), np.zeros(b.size), 1, True)
     )
-    found = qp.solve(target, rows, rhs, lower, upper)
+    found = qp.solve(target, rows, rhs, lower, upper, "osqp")
     assert found.status == Status.SOLVED
     np.testing.assert_allclose(found.u, honest.u, rtol=0, atol=1e-7)
 
 
 def test_a_bad_osqp_answer_is_refined_to_the_exact_one(monkeypatch):
     problem = random_problem(np.random.default_rng(8), 9, 12)
-    honest = qp.solve(*problem)
-    monkeypatch.setattr(qp, "_osqp", lambda t, A, b, lo, hi, *_: (t * 0, np.ones(b.size), 4000, False))
-    found = qp.solve(*problem)
+    honest = qp.solve(*problem, "osqp")
+    monkeypatch.setattr(qp, "_osqp", lambda t, A, *_, **__: (t * 0, np.ones(len(A)), 4000, False))
+    found = qp.solve(*problem, "osqp")
     assert found.refined and found.status == Status.SOLVED
     np.testing.assert_allclose(found.u, honest.u, rtol=0, atol=1e-7)
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**31), st.integers(1, 8), st.integers(1, 12))
-def test_status_and_residual_never_contradict_each_other(seed, n, m):
+@given(seed=st.integers(0, 2**31), n=st.integers(1, 8), m=st.integers(1, 12))
+def test_status_and_residual_never_contradict_each_other(solver, seed, n, m):
     problem = random_problem(np.random.default_rng(seed), n, m, feasible=False)
     _, rows, rhs, lower, upper = problem
-    found = qp.solve(*problem)
+    found = qp.solve(*problem, solver)
     assert np.all((found.u >= lower) & (found.u <= upper))
     assert found.residual == qp.violation(found.u, rows, rhs)
     margin, _ = qp.best_margin(rows, rhs, lower, upper)
@@ -232,11 +240,12 @@ def test_status_and_residual_never_contradict_each_other(seed, n, m):
         assert margin >= -qp.RESIDUAL
 
 
-def test_solutions_do_not_depend_on_what_was_solved_before():
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_solutions_do_not_depend_on_what_was_solved_before(solver):
     rng = np.random.default_rng(9)
     problems = [random_problem(rng, 12, 8) for _ in range(4)]
-    first = [qp.solve(*p).u.tobytes() for p in problems]
-    backwards = [qp.solve(*p).u.tobytes() for p in problems[::-1]][::-1]
+    first = [qp.solve(*p, solver).u.tobytes() for p in problems]
+    backwards = [qp.solve(*p, solver).u.tobytes() for p in problems[::-1]][::-1]
     assert first == backwards
 
 
