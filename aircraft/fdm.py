@@ -21,6 +21,7 @@ from aircraft.earth import Origin, enu_axes
 Array = NDArray[np.float64]
 
 M_PER_FT = 0.3048
+_MILSPEC = 3.0  # JSBSim's number for that turbulence
 _EULER = 1.0  # JSBSim's number for the rectangular Euler integrator
 
 # What the wrapper reads and writes in every airframe, by the name it has here.
@@ -351,6 +352,19 @@ class Fdm:
         n["wind_east"].set_double_value(wind[0] / M_PER_FT)
         n["wind_north"].set_double_value(wind[1] / M_PER_FT)
         n["wind_down"].set_double_value(-wind[2] / M_PER_FT)
+
+    def turbulence(self, wind_at_20ft: float, severity: int, seed: int) -> None:
+        """JSBSim's own gusts from now on, on top of any wind: MIL-F-8785C, of this aircraft alone.
+
+        wind_at_20ft  m/s, which decides below 1000 ft above ground
+        severity      JSBSim's index, which decides above 2000 ft: 3 light, 4 moderate, 6 severe
+        seed          of this instance's random numbers
+        """
+        self.node("simulation/randomseed").set_double_value(seed)
+        milspec = "atmosphere/turbulence/milspec/"
+        self.node(milspec + "windspeed_at_20ft_AGL-fps").set_double_value(wind_at_20ft / M_PER_FT)
+        self.node(milspec + "severity").set_double_value(severity)
+        self.node("atmosphere/turb-type").set_double_value(_MILSPEC)
 
     def run(self, wind: tuple[float, float, float], n: int) -> list[tuple[float, ...]]:
         """Fly n periods in `wind` [m/s, east, north, up]; returns a row for `positions` after each."""

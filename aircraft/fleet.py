@@ -23,6 +23,7 @@ class JsbsimFleet:
     start_speed  ground speed at t = 0 [m/s], one or (N,)
     start_wind   wind at t = 0 [m/s], (3,) or (N, 3): what the trim, and so the crab angle, is for
     origin       where x = y = z = 0 is
+    turbulence   JSBSim's own: wind at 20 ft [m/s] and severity, as in `Fdm.turbulence`; None flies without
     A vehicle that meets a fault stays where it was last well, and the others fly on.
     """
 
@@ -33,6 +34,7 @@ class JsbsimFleet:
         start_speed: float | Array = 20.0,
         start_wind: Array | Sequence[float] = (0.0, 0.0, 0.0),
         origin: Origin | None = None,
+        turbulence: tuple[float, int] | None = None,
     ) -> None:
         if not airframes:
             raise ValueError("a fleet needs at least one airframe")
@@ -42,12 +44,13 @@ class JsbsimFleet:
         self.airframes = list(airframes)
         self.dt = dt
         self.origin = origin or Origin()
+        self._turbulence = turbulence
         self._start_speed = np.broadcast_to(np.asarray(start_speed, dtype=float), (n,))
         self._start_wind = np.broadcast_to(np.asarray(start_wind, dtype=float), (n, 3))
         self._vehicles: list[Fdm] = []
 
     def reset(self, state: State, rng: np.random.Generator) -> None:
-        """Fresh aircraft at `state` (N,), trimmed at the start speed in the start wind. `rng` is not used."""
+        """Fresh aircraft at `state` (N,), trimmed at the start speed in its wind; `rng` seeds turbulence."""
         if len(state) != len(self.airframes):
             raise ValueError(f"{len(self.airframes)} airframes cannot start at {len(state)} poses")
         if not np.all(state.isfinite()):
@@ -61,6 +64,8 @@ class JsbsimFleet:
             strict=True,
         ):
             vehicle.start(Start(x, y, z, theta, v, wind=tuple(wind)))
+            if self._turbulence:
+                vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
         self._faults = [""] * len(state)
         self._position = positions([f.position() for f in self._vehicles], self.origin)
         self._theta = state.theta.astype(float).copy()

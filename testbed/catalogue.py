@@ -175,8 +175,12 @@ def _unicycle(s: Scenario, wind: Array) -> Plant:
 
 def _jsbsim(s: Scenario, wind: Array) -> Plant:
     from aircraft.fleet import JsbsimFleet
+    from testbed.gusts import JSBSIM_SEVERITY, W20_MPS
 
-    return JsbsimFleet(airframes(s), dt=s.rates.fdm_dt_s, start_speed=s.start.speed_mps, start_wind=wind)
+    own = s.gusts.jsbsim_turbulence
+    turbulence = None if own == "none" else (W20_MPS[own], JSBSIM_SEVERITY[own])
+    speed, dt = s.start.speed_mps, s.rates.fdm_dt_s
+    return JsbsimFleet(airframes(s), dt, speed, wind, turbulence=turbulence)
 
 
 def _lagged(s: Scenario, wind: Array) -> Plant:

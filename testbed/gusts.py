@@ -19,9 +19,11 @@ import numpy as np
 
 from filters.unicycle import Array
 
-# The wind at 20 ft (6.1 m) that MIL-F-8785C calls so, and sigma_w [m/s], a tenth of it at any low altitude.
+# The wind at 20 ft (6.1 m) that MIL-F-8785C calls so; sigma_w at any low altitude, a tenth of it; JSBSim's number.
 W20_KNOTS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
-SIGMA_MPS = {name: 0.1 * knots * 1852.0 / 3600.0 for name, knots in W20_KNOTS.items()}
+W20_MPS = {name: knots * 1852.0 / 3600.0 for name, knots in W20_KNOTS.items()}
+SIGMA_MPS = {name: 0.1 * wind for name, wind in W20_MPS.items()}
+JSBSIM_SEVERITY = {"light": 3, "moderate": 4, "severe": 6}
 # Some 16 wave numbers to the factor of e: an aircraft passing through meets no visible gap in the spectrum.
 MODES = 192
 # Strata of kL: 8e-9 of the energy lies below and 6e-4 above; the outermost strata reach 0 and infinity.

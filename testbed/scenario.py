@@ -88,6 +88,10 @@ class Scenario(Section):
             if [(p.i, p.j) for p in self.barrier.pairs] != wanted:
                 raise ValueError(f"barrier.pairs: list the pairs {wanted} in this order")
         self.remedy.check(self.filter, self.barrier)
+        if self.gusts.jsbsim_turbulence != "none" and self.plant != "jsbsim":
+            raise ValueError(
+                f"gusts.jsbsim_turbulence: plant {self.plant!r} has none; gusts.intensity suits every plant"
+            )
         ratio = self.duration_s / self.rates.filter_dt_s
         if abs(ratio - round(ratio)) > 1e-6:
             lower, upper = (f(ratio) * self.rates.filter_dt_s for f in (math.floor, math.ceil))

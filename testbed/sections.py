@@ -264,6 +264,11 @@ class Gusts(Section):
     independent: bool = Field(
         default=False, description="every vehicle meets a field of its own, however close they fly"
     )
+    jsbsim_turbulence: Literal["none", "light", "moderate", "severe"] = Field(
+        default="none",
+        description="JSBSim's own MIL-F-8785C gusts, each aircraft's drawn apart and with gusts of rotation;"
+        " plant 'jsbsim' only, and not in the recorded wind",
+    )
 
 
 class Sensing(Section):

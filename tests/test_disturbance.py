@@ -185,3 +185,20 @@ def test_a_long_filter_period_asks_for_the_air_between_its_steps() -> None:
     assert track.shape == (100, 2, 3)
     assert asked == pytest.approx(np.arange(1.05, 1.5, 0.05))
     assert np.allclose(np.diff(track[:, 0, 0]), 20.0 * 0.005)
+
+
+@pytest.mark.slow
+def test_jsbsims_own_turbulence_follows_the_seed_and_differs_between_aircraft() -> None:
+    settings = ["plant=jsbsim", "jsbsim_turbulence=moderate", "duration_s=2", "record_dt_s=0.1"]
+    first, again, other = (
+        run(load("paper-2-turn", [*settings, f"seed={seed}"])).vehicles for seed in (1, 1, 2)
+    )
+    assert first.equals(again)
+    assert np.abs(first.v_mps - other.v_mps).max() > 0.01
+    one, two = (first[first.vehicle == v].airspeed_mps.to_numpy() for v in (1, 2))
+    assert np.abs(one - two).max() > 0.05  # in calm the two are mirror images, apart by 1e-6
+
+
+def test_jsbsims_own_turbulence_is_refused_elsewhere() -> None:
+    with pytest.raises(UserError, match=r"gusts\.jsbsim_turbulence: plant 'unicycle' has none; gusts\.inten"):
+        load("paper-2-turn", ["jsbsim_turbulence=light"])
