@@ -19,7 +19,7 @@ import numpy as np
 
 from filters.unicycle import Array
 
-# The wind at 20 ft (6.1 m) that MIL-F-8785C calls so; sigma_w at low altitude, a tenth of it; JSBSim's number.
+# The wind at 20 ft (6.1 m) that MIL-F-8785C calls so; sigma_w at low altitude, a tenth of it; JSBSim's index.
 W20_KNOTS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
 W20_MPS = {name: knots * 1852.0 / 3600.0 for name, knots in W20_KNOTS.items()}
 SIGMA_MPS = {name: 0.1 * wind for name, wind in W20_MPS.items()}
