@@ -61,6 +61,11 @@ class Airframe(_Strict):
     identified: Identified | None = None
     folder: Path = Field(exclude=True)
 
+    @property
+    def has_rudder(self) -> bool:
+        """Whether the autopilot steers a rudder: the gains have a section of that name."""
+        return "rudder" in self.gains
+
     def gain_values(self) -> dict[str, float]:
         """section_name -> value, as the autopilot's equations name them."""
         return {f"{s}_{n}": v for s, names in self.gains.items() for n, v in names.items()}

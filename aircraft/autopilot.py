@@ -11,7 +11,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -40,16 +40,32 @@ class Equation:
 
 
 @dataclass
+class Channel:
+    """Equations in order, evaluated while ap/CONDITION is set, for airframes with gains of `section`."""
+
+    name: str
+    section: str | None
+    condition: str | None
+    equations: list[Equation] = field(default_factory=list)
+
+
+@dataclass
 class Equations:
     """The file, parsed: other systems' properties in use, inputs with defaults, channels of equations."""
 
     uses: dict[str, str] = field(default_factory=dict)
-    inputs: dict[str, float] = field(default_factory=dict)
-    channels: list[tuple[str, str | None, list[Equation]]] = field(default_factory=list)
+    inputs: dict[str, tuple[float, str | None]] = field(default_factory=dict)  # default, section
+    channels: list[Channel] = field(default_factory=list)
+
+    def of(self, gains: Iterable[str]) -> Equations:
+        """Without what is for airframes that have a section which these gains (section_name) lack."""
+        sections = {None, *(g.partition("_")[0] for g in gains)}
+        inputs = {name: (value, s) for name, (value, s) in self.inputs.items() if s in sections}
+        return Equations(self.uses, inputs, [c for c in self.channels if c.section in sections])
 
     def assigned(self) -> list[str]:
         """Names with an equation, in order, once each."""
-        return list(dict.fromkeys(e.name for _, _, equations in self.channels for e in equations))
+        return list(dict.fromkeys(e.name for c in self.channels for e in c.equations))
 
 
 def property_name(name: str) -> str:
@@ -66,12 +82,12 @@ def parse(text: str) -> Equations:
             continue
         if m := re.fullmatch(r"use (\w+) = (\S+)", line):
             parsed.uses[m[1]] = m[2]
-        elif m := re.fullmatch(r"input (\w+) = (\S+)", line):
-            parsed.inputs[m[1]] = float(m[2])
-        elif m := re.fullmatch(r"== (\w+)(?: if (\w+))? ==", line):
-            parsed.channels.append((m[1], m[2], []))
+        elif m := re.fullmatch(r"input (\w+)(?: for (\w+))? = (\S+)", line):
+            parsed.inputs[m[1]] = (float(m[3]), m[2])
+        elif m := re.fullmatch(r"== (\w+)(?: for (\w+))?(?: if (\w+))? ==", line):
+            parsed.channels.append(Channel(m[1], m[2], m[3]))
         elif m := re.fullmatch(r"(\w+) = (.+?)(?: -> (\S+))?", line):
-            parsed.channels[-1][2].append(Equation(m[1], m[2], m[3]))
+            parsed.channels[-1].equations.append(Equation(m[1], m[2], m[3]))
         else:
             raise ValueError(f"line {number}: not a use, input, channel or equation: {line}")
     return parsed
@@ -115,6 +131,7 @@ def _xml(node: ast.AST, properties: Mapping[str, str]) -> str:
 
 def system_xml(equations: Equations, gains: Mapping[str, float]) -> str:
     """The `<system>` of these equations with `gains` (name -> value, SI) as the properties' defaults."""
+    equations = equations.of(gains)
     assigned = equations.assigned()
     names = {**dict.fromkeys([*equations.inputs, *gains, *assigned])}
     properties = {n: property_name(n) for n in names} | equations.uses
@@ -123,12 +140,12 @@ def system_xml(equations: Equations, gains: Mapping[str, float]) -> str:
         "<!-- Made by `python -m aircraft.autopilot` from autopilot.eq and airframe.toml: edit those. -->",
         '<system name="autopilot">',
     ]
-    defaults = dict(equations.inputs) | dict(gains) | dict.fromkeys(assigned, 0.0)
+    defaults = {n: v for n, (v, _) in equations.inputs.items()} | dict(gains) | dict.fromkeys(assigned, 0.0)
     lines += [f'  <property value="{v!r}"> {property_name(n)} </property>' for n, v in defaults.items()]
-    for channel, condition, body in equations.channels:
-        execute = f' execute="{property_name(condition)}"' if condition else ""
-        lines.append(f'  <channel name="{channel}"{execute}>')
-        for e in body:
+    for channel in equations.channels:
+        execute = f' execute="{property_name(channel.condition)}"' if channel.condition else ""
+        lines.append(f'  <channel name="{channel.name}"{execute}>')
+        for e in channel.equations:
             output = f"<output>{e.output}</output>" if e.output else ""
             formula = _xml(ast.parse(e.formula, mode="eval").body, properties)
             lines += [

@@ -8,17 +8,20 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import jsbsim
 import numpy as np
 from numpy.typing import NDArray
 
+from aircraft import starting
 from aircraft.airframe import Airframe
 from aircraft.autopilot import property_name
 from aircraft.earth import Origin, enu_axes
+from aircraft.starting import FdmError, Start, Trim
 
 Array = NDArray[np.float64]
+
+__all__ = ["TELEMETRY", "Fdm", "FdmError", "Start", "Trim", "motions", "positions"]
 
 M_PER_FT = 0.3048
 _MILSPEC = 3.0  # JSBSim's number for that turbulence
@@ -62,6 +65,7 @@ _NODES = {
     "elevator": "fcs/elevator-cmd-norm",
     "aileron": "fcs/aileron-cmd-norm",
     "throttle": "fcs/throttle-cmd-norm",
+    "rudder": "fcs/rudder-cmd-norm",
     "velocity_integrator": "simulation/integrator/rate/translational",
     "on": "ap/on",
     "v_command": "ap/v-cmd-mps",
@@ -92,10 +96,6 @@ TELEMETRY = {
 }
 
 
-class FdmError(RuntimeError):
-    """JSBSim could not load, start or fly an airframe."""
-
-
 class _Quiet(jsbsim.FGLogger):
     """Drops JSBSim's banner and notes and keeps its errors for our own messages."""
 
@@ -123,34 +123,6 @@ def _keep_for_ever(fdm: jsbsim.FGFDMExec) -> None:
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
 
 
-@dataclass(frozen=True)
-class Start:
-    """Where an aircraft begins: position [m], course [rad], ground speed, climb rate and wind [m/s], ENU."""
-
-    x: float
-    y: float
-    z: float
-    theta: float
-    v: float
-    zeta: float = 0.0
-    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Trim:
-    """Steady flight: attitude, angles to the air [rad], commands [-1, 1] and [0, 1], airspeed [m/s]."""
-
-    roll: float
-    pitch: float
-    yaw: float  # JSBSim's: clockwise from north
-    alpha: float
-    beta: float
-    elevator: float
-    aileron: float
-    throttle: float
-    airspeed: float
-
-
 class Fdm:
     """One aircraft with its autopilot.
 
@@ -164,7 +136,7 @@ class Fdm:
         self.origin = origin
         self._integrator = 0.0  # the one to return to after the first period
         self._fdm = self._load(dt)
-        n = self._nodes = {name: self.node(path) for name, path in _NODES.items()}
+        n = self.nodes = {name: self.node(path) for name, path in _NODES.items()}
         surfaces = {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
         self._telemetry = {
             name: (self.node(path), k, offset) for name, (path, k, offset) in (TELEMETRY | surfaces).items()
@@ -208,76 +180,29 @@ class Fdm:
         """A property's value in JSBSim's own unit, for tests and tools; not for the flight loop."""
         return float(self.node(path).get_double_value())
 
-    # -- starting
+    # -- starting; how is in `aircraft.starting`
 
     def trim(self, start: Start, omega: float = 0.0) -> Trim:
-        """Steady flight at the start's place and air-relative velocity, turning at `omega` [rad/s].
-
-        Leaves JSBSim initialised there without wind and the commands set. Raises FdmError if there is none.
-        """
-        from scipy.optimize import root
-
-        n = self._nodes
-        air, _ = self._place(start)
-        speed = float(np.linalg.norm(air))
-        if not speed > 0:
-            raise FdmError(f"{self.airframe.name} cannot fly at airspeed {speed:g} m/s")
-        heading, climb = math.atan2(air[1], air[0]), math.asin(-air[2] / speed)
-        n["on"].set_double_value(0.0)
-
-        def residuals(unknown: Array) -> list[float]:
-            roll, above, aside, elevator, aileron, throttle = unknown
-            for name, value in (("elevator", elevator), ("aileron", aileron), ("throttle", throttle)):
-                n[name].set_double_value(value)
-            self._initial((roll, climb + above, heading + aside), air, -omega)
-            return [n[k].get_double_value() for k in ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")]
-
-        bank = -math.atan(speed * omega / 9.80665)
-        x = root(residuals, [bank, 0.05 / math.cos(bank), 0.0, 0.0, 0.0, 0.4], tol=1e-13).x
-        missed = max(map(abs, residuals(x)))
-        roll, above, aside, elevator, aileron, throttle = map(float, x)
-        if not (missed < 1e-6 and abs(elevator) <= 1 and abs(aileron) <= 1 and 0 <= throttle <= 1):
-            raise FdmError(
-                f"{self.airframe.name} cannot fly steadily at ground speed {start.v:g} m/s, climb "
-                f"{start.zeta:g} m/s, turn {omega:g} rad/s, wind {start.wind} m/s; at airspeed {speed:.2f} "
-                f"m/s the nearest is elevator {elevator:.2f}, throttle {throttle:.2f}, off by {missed:.1e}"
-            )
-        alpha, beta = n["alpha"].get_double_value(), n["beta"].get_double_value()
-        return Trim(roll, climb + above, heading + aside, alpha, beta, elevator, aileron, throttle, speed)
+        """Steady flight as `aircraft.starting.trim` finds it; raises FdmError if there is none."""
+        return starting.trim(self, start, omega)
 
     def start(self, start: Start) -> Trim:
-        """Trim, take the start's place, velocity and wind, settle the autopilot's states and switch it on."""
-        n = self._nodes
-        trim = self.trim(start)
-        # JSBSim's initial altitude is not exactly geodetic: 1.6 mm low at 300 m.
-        low = self.origin.altitude_m + start.z - n["altitude"].get_double_value() * M_PER_FT
-        _, ground = self._place(start)
-        n["altitude_ic"].set_double_value(n["altitude_ic"].get_double_value() + low / M_PER_FT)
-        self._initial((trim.roll, trim.pitch, trim.yaw), ground, 0.0)
-        self._wind(start.wind)
-        self.command(start.v, 0.0, start.zeta)
-        # run_ic knew no wind: evaluate everything again without moving, and keep the old acceleration, which
-        # Adams-Bashforth would take, out of the first period.
-        self._still()
-        self._integrator = n["velocity_integrator"].get_double_value()
-        n["velocity_integrator"].set_double_value(_EULER)
-        n["on"].set_double_value(1.0)
-        for _ in range(2):  # elevator and throttle depend a little on each other's integrator
-            self._settle("aileron_wanted", trim.aileron, "turn_integral")
-            self._settle("elevator_wanted", trim.elevator, "climb_integral")
-            self._settle("throttle_wanted", trim.throttle, "speed_integral")
-        for _ in range(3):
-            self._still()
-        return trim
+        """Begin the flight: trimmed, in the start's wind, the autopilot settled and on. Raises FdmError."""
+        return starting.start(self, start)
 
-    def _place(self, start: Start) -> tuple[Array, Array]:
-        """Write the start's place; returns air-relative and ground velocity [m/s], north-east-down."""
+    def place(self, start: Start, correct: bool = False) -> tuple[Array, Array]:
+        """Write the start's place; returns air-relative and ground velocity [m/s], north-east-down.
+
+        correct  take the error of the initialisation before this one off the height: JSBSim's initial
+                 altitude is not exactly geodetic, 1.6 mm low at 300 m
+        """
         latitude, longitude, altitude = self.origin.geodetic(start.x, start.y, start.z)
-        n = self._nodes
+        n = self.nodes
+        low = altitude / M_PER_FT - n["altitude"].get_double_value() if correct else 0.0
         n["ground_ic"].set_double_value(self.origin.ground_m / M_PER_FT)
         n["latitude_ic"].set_double_value(latitude)
         n["longitude_ic"].set_double_value(longitude)
-        n["altitude_ic"].set_double_value(altitude / M_PER_FT)
+        n["altitude_ic"].set_double_value(altitude / M_PER_FT + low)
         # Course and speed are in the origin's plane: find the level velocity here whose projection they are.
         to_origin = self.origin.axes[:2] @ enu_axes(latitude, longitude).T
         course = np.array([math.cos(start.theta), math.sin(start.theta)])
@@ -286,10 +211,10 @@ class Fdm:
         wind_east, wind_north, wind_up = start.wind
         return ground - np.array([wind_north, wind_east, -wind_up]), ground
 
-    def _initial(self, attitude: tuple[float, float, float], velocity: Array, yaw_rate: float) -> None:
+    def initialise(self, attitude: tuple[float, float, float], velocity: Array, yaw_rate: float) -> None:
         """Initialise at roll, pitch, yaw [rad], velocity over the ground [m/s, north-east-down] and the yaw
         rate of a steady turn [rad/s, clockwise]."""
-        n = self._nodes
+        n = self.nodes
         (sr, sp, sy), (cr, cp, cy) = np.sin(attitude), np.cos(attitude)
         u, v, w = (
             np.array(
@@ -310,7 +235,7 @@ class Fdm:
         self._fdm.run_ic()
         self._fdm.set_trim_status(False)
 
-    def _still(self) -> None:
+    def evaluate(self) -> None:
         """Evaluate all models without moving (suspended, dt is 0); actuators take their commands at once."""
         self._fdm.set_trim_status(True)
         self._fdm.suspend_integration()
@@ -318,23 +243,10 @@ class Fdm:
         self._fdm.resume_integration()
         self._fdm.set_trim_status(False)
 
-    def _settle(self, wanted: str, target: float, integral: str) -> None:
-        """Choose an integrator's state so that the autopilot's output is `target`, by secants."""
-        n = self._nodes
-
-        def miss(value: float) -> float:
-            n[integral].set_double_value(value)
-            for _ in range(4):  # what the surfaces do to the side force comes back one evaluation later
-                self._still()
-            return n[wanted].get_double_value() - target
-
-        a, b = 0.0, 0.05
-        miss_a, miss_b = miss(a), miss(b)
-        for _ in range(8):
-            if abs(miss_b) < 1e-12 or miss_b == miss_a:
-                break
-            a, miss_a, b = b, miss_b, b - miss_b * (b - a) / (miss_b - miss_a)
-            miss_b = miss(b)
+    def forget_acceleration(self) -> None:
+        """Let the first period of `run` integrate by Euler: it has no acceleration of a period before."""
+        self._integrator = self.nodes["velocity_integrator"].get_double_value()
+        self.nodes["velocity_integrator"].set_double_value(_EULER)
 
     # -- flying
 
@@ -342,13 +254,14 @@ class Fdm:
         """Hand the autopilot ground speed [m/s], course rate [rad/s] and climb rate [m/s]; NaN is refused."""
         if not (math.isfinite(v) and math.isfinite(omega) and math.isfinite(zeta)):
             raise ValueError(f"command must be finite, got v {v}, omega {omega}, zeta {zeta}")
-        n = self._nodes
+        n = self.nodes
         n["v_command"].set_double_value(v)
         n["omega_command"].set_double_value(omega)
         n["zeta_command"].set_double_value(zeta)
 
-    def _wind(self, wind: tuple[float, float, float]) -> None:
-        n = self._nodes
+    def blow(self, wind: tuple[float, float, float]) -> None:
+        """Set the wind [m/s, east, north, up]."""
+        n = self.nodes
         n["wind_east"].set_double_value(wind[0] / M_PER_FT)
         n["wind_north"].set_double_value(wind[1] / M_PER_FT)
         n["wind_down"].set_double_value(-wind[2] / M_PER_FT)
@@ -370,7 +283,7 @@ class Fdm:
         """Fly n periods in `wind` [m/s, east, north, up]; returns a row for `positions` after each."""
         if not all(map(math.isfinite, wind)):
             raise ValueError(f"wind must be finite, got {wind}")
-        self._wind(wind)
+        self.blow(wind)
         step = self._fdm.run
         x, y, z, altitude = self._position
         rows: list[tuple[float, ...]] = []
@@ -378,7 +291,7 @@ class Fdm:
             step()
             rows.append((x(), y(), z(), altitude()))
             if self._integrator:
-                self._nodes["velocity_integrator"].set_double_value(self._integrator)
+                self.nodes["velocity_integrator"].set_double_value(self._integrator)
                 self._integrator = 0.0
         return rows
 
@@ -392,7 +305,7 @@ class Fdm:
 
     def height_above_ground(self) -> float:
         """Metres over the terrain."""
-        return self._nodes["above_ground"].get_double_value() * M_PER_FT
+        return self.nodes["above_ground"].get_double_value() * M_PER_FT
 
     def telemetry(self) -> dict[str, float]:
         """The channels of `TELEMETRY` and the airframe's surfaces, SI."""

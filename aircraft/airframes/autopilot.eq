@@ -32,6 +32,7 @@ input zeta_cmd_mps = 0
 input elevator_probe = 0
 input aileron_probe = 0
 input throttle_probe = 0
+input rudder_probe for rudder = 0
 
 == measure ==
 tracking = 1 - on
@@ -140,14 +141,16 @@ bank_rad = atan(bank_tan)
 # Roll rate of the reference, for the turn and for the changing lift, led by the servo's and the roll mode's lags.
 roll_lead_s = turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps
 roll_rate_radps = turn_bank_feedback_per_s * (bank_rad - roll_rad) - bank_cos * bank_cos / lift_mps2 * (v_mps * (omega_dot_ref_radps2 + roll_lead_s * omega_ddot_ref_radps3) + acceleration_ref_mps2 * omega_ref_radps + bank_tan * (zeta_jerk_ref_mps3 + roll_lead_s * zeta_jerk_dot_mps4))
-aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -0.5, 0.5)
 # Angle of attack for the lift, elevator to trim it, to pitch along the path and to change it.
 lift_cl = lift_mps2 / (bank_cos * lift_per_cl_mps2)
 alpha_per_mps2 = 1 / (bank_cos * lift_per_cl_mps2 * airframe_cl_alpha)
 q_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3 + (lift_mps2 / bank_cos - 9.80665 * climb_cos * bank_cos) / airspeed_mps
 q_dot_ref_radps2 = alpha_per_mps2 * zeta_jerk_dot_mps4 + zeta_jerk_ref_mps3 / airspeed_mps
 alpha_ref_rad = clip((lift_cl - airframe_cl_0 - airframe_cl_q_m * q_ref_radps / airspeed_mps) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
-elevator_rad = clip(airframe_elevator_0_rad + airframe_elevator_per_alpha * (alpha_ref_rad + climb_servo_lead_s * alpha_per_mps2 * zeta_jerk_ref_mps3) + airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) / airspeed_mps + (airframe_elevator_per_qdot_m * q_dot_ref_radps2 - climb_alpha_feedback_mps2 * (alpha_ref_rad - alpha_rad) - climb_q_feedback_mps * (q_ref_radps - q_radps)) / lift_per_cl_mps2, -0.5, 0.5)
+elevator_rad = clip(airframe_elevator_0_rad + airframe_elevator_per_alpha * (alpha_ref_rad + climb_servo_lead_s * alpha_per_mps2 * zeta_jerk_ref_mps3) + airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) / airspeed_mps + (airframe_elevator_per_qdot_m * q_dot_ref_radps2 - climb_alpha_feedback_mps2 * (alpha_ref_rad - alpha_rad) - climb_q_feedback_mps * (q_ref_radps - q_radps)) / lift_per_cl_mps2, -airframe_elevator_max_rad, airframe_elevator_max_rad)
+# Where pitch and roll share surfaces, pitch comes first: roll gets the travel that the elevator leaves.
+aileron_max_rad = min(airframe_aileron_max_rad, airframe_shared_max_rad - abs(elevator_rad))
+aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -aileron_max_rad, aileron_max_rad)
 # Thrust for the acceleration along the air-relative path, for drag, for weight; led by the motor's lag.
 drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2))
 thrust_mps2 = drag_mps2 + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
@@ -160,3 +163,11 @@ throttle_free = throttle == throttle_wanted
 elevator_norm = elevator_rad / airframe_elevator_norm_rad + elevator_probe -> fcs/elevator-cmd-norm
 aileron_norm = aileron_rad / airframe_aileron_norm_rad + aileron_probe -> fcs/aileron-cmd-norm
 throttle_norm = throttle + throttle_probe -> fcs/throttle-cmd-norm
+
+== coordinate for rudder if on ==
+# Yaw rate of a turn without sideslip under the side force felt, and how fast the sideslip grows with the one measured.
+yaw_rate_radps = alpha_rad * p_radps + 9.80665 * (sin(roll_rad) * climb_cos + side_load) / airspeed_mps
+sideslip_rate_radps = yaw_rate_radps - r_radps
+# Rudder to yaw so, to begin to, and against the ailerons' adverse yaw; feedback of sideslip and of its rate.
+rudder_rad = clip((airframe_rudder_per_r_m * yaw_rate_radps - rudder_rate_feedback_m * sideslip_rate_radps) / airspeed_mps + airframe_rudder_per_rdot_m * 9.80665 * p_radps * bank_cos / (airspeed_mps * lift_per_cl_mps2) + airframe_rudder_per_aileron * aileron_rad - rudder_feedback * beta_rad, -airframe_rudder_max_rad, airframe_rudder_max_rad)
+rudder_norm = rudder_rad / airframe_rudder_norm_rad + rudder_probe -> fcs/rudder-cmd-norm
