@@ -14,6 +14,7 @@ from testbed.errors import UserError
 if TYPE_CHECKING:
     from testbed.record import Run
     from testbed.scenario import Scenario
+    from testbed.studies.robustness import Found
 
 app = typer.Typer(
     add_completion=False,
@@ -34,11 +35,18 @@ ForceOption = Annotated[bool, typer.Option("--force", help="fly even from a star
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what an earlier run left there")]
 JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
 
+PlantOption = Annotated[str | None, typer.Option("--plant", help="unicycle, lagged or jsbsim")]
+SeedsOption = Annotated[int, typer.Option("--seeds", help="runs of a study, seeds 1 to this")]
+WorkersOption = Annotated[int | None, typer.Option("--workers", help="processes; default one a core")]
+
+# Studies sample the filter as an autopilot would, 20 Hz, unless told otherwise.
+STUDY_RATES = ("rates.filter_dt_s=0.05", "rates.record_dt_s=1")
+
 
 @app.command(epilog="Example: testbed run paper-2-turn --plant jsbsim --set d_safe_m=8 --out runs/wide")
 def run(
     scenario: ScenarioArg,
-    plant: Annotated[str | None, typer.Option("--plant", help="unicycle or jsbsim")] = None,
+    plant: PlantOption = None,
     set_: SetOption = None,
     seed: SeedOption = None,
     out: OutOption = None,
@@ -69,8 +77,21 @@ def compare(
     force: ForceOption = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
+    ladder: Annotated[
+        bool,
+        typer.Option("--ladder", help="climb the fidelity ladder instead: lags, 6-DOF, weather, network"),
+    ] = False,
+    seeds: SeedsOption = 20,
+    workers: WorkersOption = None,
 ) -> None:
     """Fly one scenario on several plants: a table of guarantees, and figures with the plants overlaid."""
+    if ladder:
+        from testbed.studies.robustness import ladder as climb
+
+        s = _scenario(scenario, set_, seed, None)
+        where = out or Path("runs") / f"{s.name}-ladder"
+        _study(climb(s, _count(seeds), where, workers, overwrite), as_json)
+        return
     from testbed.comparison import compare as fly_all
     from testbed.report.tables import scorecard
 
@@ -127,6 +148,46 @@ def figures(
     print(f"{len(book.files)} files in {out}")
 
 
+@app.command(epilog="Example: testbed remedies paper-2-turn --set lookahead_m=10 --seeds 50")
+def remedies(
+    scenario: ScenarioArg,
+    plant: PlantOption = "jsbsim",
+    set_: SetOption = None,
+    out: OutOption = None,
+    seeds: SeedsOption = 20,
+    workers: WorkersOption = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """What restores the guarantee: remedies compared at equal seeds."""
+    from testbed.studies.robustness import compare_remedies
+
+    s = _scenario(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)
+    where = out or Path("runs") / f"{s.name}-remedies"
+    _study(compare_remedies(s, _count(seeds), where, workers, overwrite), as_json)
+
+
+@app.command(epilog="Example: testbed margin paper-2-turn --knob ds_buffer --target-rate 0.01")
+def margin(
+    scenario: ScenarioArg,
+    knob: Annotated[str, typer.Option("--knob", help="ds_buffer, prediction, robust, issf or derate")],
+    target_rate: Annotated[float, typer.Option("--target-rate", help="of runs that lose Ds")] = 0.01,
+    plant: PlantOption = "jsbsim",
+    set_: SetOption = None,
+    out: OutOption = None,
+    seeds: SeedsOption = 20,
+    workers: WorkersOption = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """The smallest setting of a remedy that meets a violation rate, certified on fresh seeds."""
+    from testbed.studies.robustness import margin as find
+
+    s = _scenario(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)
+    where = out or Path("runs") / f"{s.name}-margin-{knob}"
+    _study(find(s, knob, target_rate, _count(seeds), where, workers, overwrite), as_json)
+
+
 @app.command("list", epilog="Example: testbed list --json")
 def list_(as_json: JsonOption = False) -> None:
     """The built-in scenarios."""
@@ -146,6 +207,26 @@ def schema() -> None:
     from testbed.scenario import Scenario
 
     print(json.dumps(Scenario.model_json_schema(), indent=2))
+
+
+def _count(seeds: int) -> int:
+    if seeds < 1:
+        raise UserError(f"--seeds {seeds}: give at least 1")
+    return seeds
+
+
+def _study(found: Found, as_json: bool) -> None:
+    from testbed.report.tables import plain_table
+
+    if as_json:
+        from testbed.store import plain
+
+        print(json.dumps(plain({"folder": str(found.folder), "rows": found.rows} | found.data), indent=2))
+        return
+    _print(plain_table(found.title, found.rows))
+    for line in found.lines:
+        print(line)
+    print(f"tables and figures: {found.folder}")
 
 
 def _scenario(source: str, overrides: list[str] | None, seed: int | None, plant: str | None) -> Scenario:

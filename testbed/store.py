@@ -22,7 +22,7 @@ from testbed.scenario import SCHEMA_VERSION
 
 MANIFEST = "manifest.json"
 # What a folder written by this program holds, of which it may be replaced.
-MARKS = (MANIFEST, "comparison.json", "figures.json")
+MARKS = (MANIFEST, "comparison.json", "figures.json", "ladder.json", "remedies.json", "margin.json")
 
 
 @contextmanager

@@ -15,22 +15,32 @@ MARKS = {"holds": ("+", "green"), "violated": ("x", "bold red"), "premise not me
 
 
 def scorecard(runs: Mapping[str, Run], title: str) -> Table:
-    """One row per guarantee, one column per plant: value, verdict, worst instant and vehicles."""
-    table = Table(title=title, title_justify="left", pad_edge=False)
+    """One row per guarantee, one column per run: value, verdict, worst instant and vehicles.
+
+    Premises that every run met are named in the caption; the others have rows of their own.
+    """
+    table = Table(title=title, title_justify="left", caption_justify="left", pad_edge=False)
     table.add_column("guarantee", no_wrap=True)
     for name in runs:
         table.add_column(name)
-    first = next(iter(runs.values()))
-    for entry in first.guarantees:
-        table.add_row(entry["id"], *(cell(run.guarantee(entry["id"])) for run in runs.values()))
+    met = []
+    for entry in next(iter(runs.values())).guarantees:
+        entries = [run.guarantee(entry["id"]) for run in runs.values()]
+        if entry["number"].startswith("P") and all(e["verdict"] != "premise not met" for e in entries):
+            met += [entry["id"]] if all(e["verdict"] == "holds" for e in entries) else []
+            continue
+        table.add_row(f"{entry['number']} {entry['id']}", *(cell(e) for e in entries))
+    if met:
+        table.caption = "premises met: " + ", ".join(met)
     return table
 
 
 def plain_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
-    """Rows as they are, four digits; an absent value is a dash."""
-    table = Table(title=title, title_justify="left", pad_edge=False, box=None)
-    for name in rows[0] if rows else ():
-        table.add_column(name.replace("_", " "), overflow="fold")
+    """Rows as they are, three digits; an absent value is a dash."""
+    table = Table(title=title, title_justify="left", pad_edge=False, padding=(0, 1), box=None)
+    for k, name in enumerate(rows[0] if rows else ()):
+        # The first column names the row; the others may break their headings.
+        table.add_column(name.replace("_", " "), overflow="fold", no_wrap=k == 0)
     for row in rows:
         table.add_row(*(_short(value) for value in row.values()))
     return table
@@ -39,7 +49,7 @@ def plain_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
 def _short(value: Any) -> str:
     if value is None or (isinstance(value, float) and value != value):
         return "-"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def cell(entry: dict[str, Any]) -> Text:
@@ -58,4 +68,5 @@ def cell(entry: dict[str, Any]) -> Text:
 
 
 def number(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.3f}"
+    """Three decimals; no minus before a zero."""
+    return str(value) if isinstance(value, int) else f"{round(value, 3) + 0.0:.3f}"

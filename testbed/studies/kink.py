@@ -50,6 +50,7 @@ class Case:
             f"filter_dt_s={self.dt_s}",
             # Extremes are kept at every step; the tables are not what this study reads.
             "record_dt_s=1",
+            "manoeuvre_instants=0",
         )
         return load("paper-20-turn", [*settings, *BARRIERS[self.barrier], *self.overrides, *more])
 

@@ -1,0 +1,84 @@
+"""Figures of the ladder, of remedies compared, and of a margin found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, PAGE, VERMILION, drawing, save
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from testbed.studies.ladder import Account
+    from testbed.studies.margin import Margin
+
+
+def ladder(table: pd.DataFrame, distance: Account, h: Account, d_safe: float, folder: Path) -> list[Path]:
+    """Least distance and h on every rung: each run a dot, the mean a bar."""
+    with drawing() as pyplot:
+        figure, axes = pyplot.subplots(2, 1, figsize=(PAGE, 4.8), sharex=True, layout="constrained")
+        names = [s.rung for s in distance.steps]
+        for a, account, column, limit, label in (
+            (axes[0], distance, "distance_m", d_safe, "least distance [m]"),
+            (axes[1], h, "h_m", 0.0, "least h [m]"),
+        ):
+            for k, name in enumerate(names):
+                values = table[table.rung == name][column].astype(float).dropna().to_numpy()
+                x = k + np.linspace(-0.18, 0.18, len(values))
+                lost = values < limit
+                a.plot(x[~lost], values[~lost], "o", ms=2.5, color=BLUE, alpha=0.6)
+                a.plot(x[lost], values[lost], "x", ms=3.5, color=VERMILION)
+            a.plot(range(len(names)), [s.value for s in account.steps], "_", ms=18, color=BLACK, mew=2)
+            a.axhline(limit, **LIMIT)
+            a.set_ylabel(label)
+        axes[0].set_title("The fidelity ladder: every run (cross: lost), the mean a bar, the bound dotted")
+        axes[1].set_xticks(range(len(names)), names, rotation=25, ha="right")
+        return save(figure, folder, "ladder")
+
+
+def remedies(table: pd.DataFrame, d_safe: float, folder: Path) -> list[Path]:
+    """Violation rate with its interval, and least and median distance, remedy by remedy."""
+    with drawing() as pyplot:
+        figure, axes = pyplot.subplots(
+            1, 2, figsize=(PAGE, 0.28 * len(table) + 1.0), sharey=True, layout="constrained"
+        )
+        y = np.arange(len(table))[::-1]
+        rate = 100 * table.rate.to_numpy()
+        low, high = 100 * table.rate_low.to_numpy(), 100 * table.rate_high.to_numpy()
+        axes[0].errorbar(rate, y, xerr=[rate - low, high - rate], fmt="o", ms=3.5, color=VERMILION, capsize=2)
+        axes[0].set(xlabel="runs that lose Ds [%], 95 % interval", xlim=(-2, 102))
+        axes[0].set_yticks(y, table.remedy)
+        axes[1].plot(table.least_distance_m, y, "x", color=VERMILION, label="least of all runs")
+        axes[1].plot(table.median_distance_m, y, "o", ms=3.5, color=BLUE, label="median")
+        axes[1].axvline(d_safe, **LIMIT)
+        axes[1].set(xlabel="least distance [m] (dotted: Ds)")
+        axes[1].legend(loc="lower right")
+        return save(figure, folder, "remedies")
+
+
+def margin(found: Margin, folder: Path) -> list[Path]:
+    """The violation rate against the knob, with intervals, and the setting found."""
+    with drawing() as pyplot:
+        figure, a = pyplot.subplots(figsize=(PAGE * 0.75, 3.2), layout="constrained")
+        for stage, colour, marker in (
+            ("sweep", BLUE, "o"),
+            ("bisect", GREEN, "s"),
+            ("certify", VERMILION, "D"),
+        ):
+            points = [p for p in found.points if p.stage.startswith(stage)]
+            if not points:
+                continue
+            x = [p.setting for p in points]
+            y = np.array([100 * p.violations / p.runs for p in points])
+            low = np.array([100 * p.rate_low for p in points])
+            high = np.array([100 * p.rate_high for p in points])
+            a.errorbar(
+                x, y, yerr=[y - low, high - y], fmt=marker, ms=3.5, color=colour, capsize=2, label=stage
+            )
+        a.axhline(100 * found.target_rate, **LIMIT)
+        a.set(xlabel=f"{found.knob} [{found.unit}]", ylabel="runs that lose Ds [%], 95 % interval")
+        a.legend(loc="best")
+        return save(figure, folder, "margin")

@@ -1,0 +1,79 @@
+"""Honest numbers about many runs: rates with intervals, paired differences. The formulas are scipy's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True)
+class Rate:
+    """`count` of `runs`, and a two-sided Clopper-Pearson interval at `confidence`."""
+
+    count: int
+    runs: int
+    low: float
+    high: float
+    confidence: float
+
+    @property
+    def value(self) -> float:
+        return self.count / self.runs if self.runs else float("nan")
+
+    def __str__(self) -> str:
+        return f"{self.count}/{self.runs} ({100 * self.low:.0f}-{100 * self.high:.0f} %)"
+
+
+def rate(outcomes: Sequence[bool] | ArrayLike, confidence: float = 0.95) -> Rate:
+    """How often `outcomes` (n,) are True. No runs leave the interval at [0, 1]."""
+    from scipy.stats import binomtest
+
+    seen = np.asarray(outcomes, dtype=bool)
+    if not seen.size:
+        return Rate(0, 0, 0.0, 1.0, confidence)
+    interval = binomtest(int(seen.sum()), seen.size).proportion_ci(confidence, method="exact")
+    return Rate(int(seen.sum()), seen.size, float(interval.low), float(interval.high), confidence)
+
+
+def zero_event_bound(runs: int, confidence: float = 0.95) -> float:
+    """Upper bound of a rate of which `runs` runs saw no event: 1 - (1 - confidence)^(1/runs), one-sided."""
+    from scipy.stats import binomtest
+
+    if runs < 1:
+        return 1.0
+    return float(binomtest(0, runs, alternative="less").proportion_ci(confidence, method="exact").high)
+
+
+@dataclass(frozen=True)
+class Mean:
+    """A mean and its bootstrap interval; nan without data."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.value:+.2f} [{self.low:+.2f}, {self.high:+.2f}]"
+
+
+def mean(values: ArrayLike, rng: np.random.Generator, confidence: float = 0.95) -> Mean:
+    """The mean of paired differences (n,), nan dropped, with a percentile bootstrap interval.
+
+    Percentile, for it is defined where all differences are equal, as on rungs that change nothing.
+    """
+    from scipy.stats import bootstrap
+
+    data = np.asarray(values, dtype=float)
+    data = data[np.isfinite(data)]
+    if not data.size:
+        return Mean(float("nan"), float("nan"), float("nan"))
+    centre = float(data.mean())
+    if data.size < 2 or np.ptp(data) == 0.0:
+        return Mean(centre, centre, centre)
+    found = bootstrap(
+        (data,), np.mean, confidence_level=confidence, n_resamples=2000, method="percentile", rng=rng
+    )
+    return Mean(centre, float(found.confidence_interval.low), float(found.confidence_interval.high))

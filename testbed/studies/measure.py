@@ -1,0 +1,74 @@
+"""One run of a study: a scenario with fields overridden, a seed, and the few numbers studies compare."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from testbed.scenario import Scenario
+
+Fields = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: the scenario as data, a seed."""
+
+    label: str
+    data: str
+    seed: int
+
+
+def measure(job: Job) -> dict[str, Any]:
+    """Fly `job`; what the ladder compares. A run that cannot start has nan values and says why."""
+    from testbed.errors import UserError
+    from testbed.scenario import parse
+    from testbed.simulate import run
+
+    data = json.loads(job.data) | {"seed": job.seed}
+    try:
+        done = run(parse(data), force=True)
+    except UserError as error:
+        return {"rung": job.label, "seed": job.seed, "refused": str(error)}
+    row = {
+        "rung": job.label,
+        "seed": job.seed,
+        "refused": "",
+        "ended_early": done.manifest["ended_early"] or "",
+    }
+    row["start_safe"] = done.guarantee("start-safe")["verdict"] == "holds"
+    for column, name in (("distance_m", "separation"), ("h_m", "safe-set"), ("infeasible", "qp-feasibility")):
+        row[column] = done.guarantee(name)["value"]
+        row[f"{column.partition('_')[0]}_verdict"] = done.guarantee(name)["verdict"]
+    row["overridden_share"] = done.guarantee("intervention")["value"]
+    added = [a for a in done.guarantee("intervention")["detail"]["path_added_m"] if a is not None]
+    row["path_added_m"] = max(added) if added else None
+    row["goal_m"] = done.guarantee("goal")["value"]
+    row["goal_passed_s"] = done.guarantee("goal")["detail"].get("last_passed_s")
+    return row
+
+
+def override(s: Scenario, fields: Fields) -> str:
+    """The scenario's data with `fields` set, as JSON; recording thinned, the manoeuvre not flown."""
+    data = s.model_dump(mode="json")
+    for path, value in (fields | {"checks.manoeuvre_instants": 0}).items():
+        *parents, leaf = path.split(".")
+        target = data
+        for part in parents:
+            target = target[part]
+        target[leaf] = value
+    dt = data["rates"]["filter_dt_s"]
+    data["rates"]["record_dt_s"] = dt * max(1, round(1.0 / dt))
+    return json.dumps(data, sort_keys=True)
+
+
+def default_starts(s: Scenario) -> Scenario:
+    """The scenario, its starts perturbed by +-10 m, +-5 deg, +-1 m if nothing perturbs them already."""
+    start = s.start
+    if start.lateral_perturbation_m or start.heading_perturbation_deg or start.height_perturbation_m:
+        return s
+    perturbed = start.model_copy(
+        update={"lateral_perturbation_m": 10.0, "heading_perturbation_deg": 5.0, "height_perturbation_m": 1.0}
+    )
+    return s.model_copy(update={"start": perturbed})

@@ -1,0 +1,108 @@
+"""What restores the guarantee: remedies compared at equal seeds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from testbed.scenario import Scenario
+from testbed.statistics import rate
+from testbed.studies.flying import fly_all, notebook
+from testbed.studies.measure import Fields, Job, measure, override
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def catalogue(s: Scenario) -> dict[str, Fields]:
+    """Remedies worth comparing: label -> fields of the scenario. The scenario's own is the first."""
+    smooth: Fields = {"remedy.smoothing_m2": 30.0} if s.barrier.kind == "turn" and not s.barrier.pairs else {}
+    prediction: Fields = {"remedy.prediction_s": 0.45}
+    lags: Fields = {"remedy.predict_lags": True}
+    robust: Fields = {
+        "remedy.robust_v_mps": 0.5,
+        "remedy.robust_omega_degps": 1.5,
+        "remedy.robust_zeta_mps": 0.3,
+    }
+
+    def buffer(metres: float) -> Fields:
+        return {"remedy.ds_buffer_m": metres}
+
+    made: dict[str, Fields] = {
+        "none": {},
+        "buffer 1 m": buffer(1.0),
+        "buffer 3 m": buffer(3.0),
+        "prediction 0.3 s": {"remedy.prediction_s": 0.3},
+        "prediction 0.45 s": prediction,
+        "prediction 0.6 s": {"remedy.prediction_s": 0.6},
+        "prediction by lags": lags,
+        "robust rows": robust,
+        "ISSf rows": {"remedy.issf_epsilon": 10.0},
+        "derated 0.8": {"remedy.derate": 0.8},
+        "prediction 0.45 s, buffer 0.5 m": prediction | buffer(0.5),
+        "lags, buffer 0.5 m": lags | buffer(0.5),
+        "lags, buffer 1 m": lags | buffer(1.0),
+    }
+    if smooth:
+        made["smoothed"] = smooth
+        made["prediction 0.45 s, smoothed"] = prediction | smooth
+        made["lags, buffer 1 m, smoothed"] = lags | buffer(1.0) | smooth
+    if s.wind.speed_mps:
+        made["lags, buffer 1 m, air mass"] = lags | buffer(1.0) | {"remedy.air_mass": True}
+    return made
+
+
+def compare(
+    s: Scenario, remedies: dict[str, Fields], seeds: range, out: Path, workers: int | None = None
+) -> pd.DataFrame:
+    """One row per remedy and seed; interrupted, it resumes from what it kept beside `out`."""
+    import pandas as pd
+
+    jobs = [Job(name, override(s, fields), seed) for name, fields in remedies.items() for seed in seeds]
+    with notebook(out, "remedies") as kept:
+        keys = {job: f"{job.data}|{job.seed}" for job in jobs}
+
+        def done(job: Job, row: dict[str, Any]) -> str:
+            kept.keep(keys[job], row)
+            return f"{job.label}, seed {job.seed}: " + (row["refused"] or f"{row['distance_m']:.2f} m")
+
+        fly_all(measure, [j for j in jobs if keys[j] not in kept.rows], workers, done)
+        return pd.DataFrame([kept.rows[keys[j]] | {"remedy": j.label, "seed": j.seed} for j in jobs])
+
+
+def table(rows: pd.DataFrame, straight_m: float) -> pd.DataFrame:
+    """One row per remedy: violation rate and interval, distances, infeasible steps, cost in path and time.
+
+    straight_m  length of the undisturbed way, of which `path_cost` is the share added by the worst vehicle
+    The goal's delay is against the first remedy, seed by seed.
+    """
+    import pandas as pd
+
+    names = list(dict.fromkeys(rows.remedy))
+    base = rows[rows.remedy == names[0]].set_index("seed")
+    made = []
+    for name in names:
+        of = rows[rows.remedy == name].set_index("seed")
+        lost = rate((of.distance_verdict != "holds").to_numpy())
+        made.append(
+            {
+                "remedy": name,
+                "n": len(of),
+                "violations": lost.count,
+                "rate": lost.value,
+                "rate_low": lost.low,
+                "rate_high": lost.high,
+                "least_distance_m": of.distance_m.min(),
+                "median_distance_m": of.distance_m.median(),
+                "least_h_m": of.h_m.min(),
+                "infeasible_steps": of.infeasible.sum(),
+                "overridden_share": of.overridden_share.mean(),
+                "path_cost": of.path_added_m.astype(float).median() / straight_m,
+                "goal_delay_s": np.nanmedian((of.goal_passed_s - base.goal_passed_s).astype(float))
+                if of.goal_passed_s.notna().any()
+                else float("nan"),
+            }
+        )
+    return pd.DataFrame(made)

@@ -1,0 +1,145 @@
+"""`compare --ladder`, `remedies`, `margin`: fly the study, write tables and figures, say what was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from testbed.report import robustness_figures as figures
+from testbed.scenario import Scenario
+from testbed.start import generators, places
+from testbed.statistics import Mean
+from testbed.store import check_free, staged, write_json
+from testbed.studies import ladder as ladders
+from testbed.studies import margin as margins
+from testbed.studies import remedies
+from testbed.studies.measure import default_starts
+
+
+@dataclass
+class Found:
+    """What a study wrote, and what to print of it.
+
+    title, rows  a table to print
+    lines        sentences to print beneath it
+    """
+
+    folder: Path
+    title: str
+    rows: list[dict[str, Any]]
+    lines: list[str] = field(default_factory=list)
+    data: dict[str, Any] = field(default_factory=dict)
+
+
+def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: bool) -> Found:
+    """The fidelity ladder of `s`: ladder.csv (a row per run), ladder.json (the account), figures."""
+    check_free(out, overwrite)
+    s = default_starts(s)
+    rungs = ladders.rungs(s)
+    table = ladders.climb(s, rungs, seeds, out, workers)
+    distance = ladders.account(table, rungs, "distance_m")
+    h = ladders.account(table, rungs, "h_m")
+    lost = ladders.rates(table, rungs)
+    rows = [
+        {
+            "rung": d.rung,
+            "lost": lost[d.rung],
+            "d [m]": round(d.value, 2),
+            "change of d [95 % CI]": _mean(d.difference),
+            "alone": _mean(d.alone),
+            "h [m]": round(g.value, 2),
+        }
+        for d, g in zip(distance.steps, h.steps, strict=True)
+    ]
+    data = {"seeds": seeds, "rows": rows} | {
+        a.quantity: {"total": vars(a.total), "interaction": vars(a.interaction)} for a in (distance, h)
+    }
+    with staged(out, overwrite) as folder:
+        table.to_csv(folder / "ladder.csv", index=False)
+        write_json(folder / "ladder.json", data | {"scenario": s.model_dump(mode="json")})
+        figures.ladder(table, distance, h, s.d_safe_m, folder)
+    return Found(
+        out,
+        f"{s.name}: the fidelity ladder, {seeds} seeds (mean, paired differences [95 % interval])",
+        rows,
+        [
+            f"least distance, top rung against bottom: {distance.total} m;"
+            f" interaction of the single effects: {distance.interaction} m",
+            f"least h, top rung against bottom: {h.total} m; interaction: {h.interaction} m",
+        ],
+        data,
+    )
+
+
+def compare_remedies(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: bool) -> Found:
+    """Remedies on `s` at equal seeds: runs.csv, remedies.csv, figure."""
+    check_free(out, overwrite)
+    s = default_starts(s)
+    runs = remedies.compare(s, remedies.catalogue(s), range(1, seeds + 1), out, workers)
+    table = remedies.table(runs, _straight(s))
+    with staged(out, overwrite) as folder:
+        runs.to_csv(folder / "runs.csv", index=False)
+        table.to_csv(folder / "remedies.csv", index=False)
+        write_json(folder / "remedies.json", {"seeds": seeds, "scenario": s.model_dump(mode="json")})
+        figures.remedies(table, s.d_safe_m, folder)
+    rows = [
+        {
+            "remedy": r.remedy,
+            "lost": f"{r.violations}/{r.n}",
+            "95 % CI": f"{100 * r.rate_low:.1f}-{100 * r.rate_high:.1f} %",
+            "d [m]": round(r.least_distance_m, 2),
+            "h [m]": round(r.least_h_m, 2),
+            "no QP": int(r.infeasible_steps),
+            "path %": round(100 * r.path_cost, 1),
+        }
+        for r in table.itertuples()
+    ]
+    return Found(out, f"{s.name} on {s.plant}: remedies, {seeds} equal seeds, Ds {s.d_safe_m:g} m", rows)
+
+
+def margin(
+    s: Scenario, knob: str, target_rate: float, seeds: int, out: Path, workers: int | None, overwrite: bool
+) -> Found:
+    """The smallest setting of `knob` that meets the rate: margin.json, curve.csv, figure."""
+    import pandas as pd
+
+    check_free(out, overwrite)
+    s = default_starts(s)
+    found = margins.find(s, knob, target_rate, seeds, workers)
+    curve = pd.DataFrame([vars(p) for p in found.points])
+    with staged(out, overwrite) as folder:
+        curve.to_csv(folder / "curve.csv", index=False)
+        write_json(folder / "margin.json", found.as_dict() | {"scenario": s.model_dump(mode="json")})
+        figures.margin(found, folder)
+    rows = [
+        {
+            "stage": p.stage,
+            f"{knob} [{found.unit}]": round(p.setting, 4),
+            "lost": f"{p.violations}/{p.runs}",
+            "95 % CI": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
+            "d [m]": round(p.least_distance_m, 2),
+        }
+        for p in sorted(found.points, key=lambda p: (p.stage, p.setting))
+    ]
+    if found.certified:
+        line = (
+            f"{knob} {found.setting:g} {found.unit} meets a rate of {target_rate:g}: none lost on fresh"
+            f" seeds, 95 % bound {found.bound:.4f}"
+        )
+    elif found.setting is None:
+        line = f"no setting of {knob} up to {margins.KNOBS[knob].grid[-1]:g} meets a rate of {target_rate:g}"
+    else:
+        line = f"{knob}: not certified; feasible on the sweep's seeds, lost on fresh ones"
+    return Found(out, f"{s.name} on {s.plant}: margin by {knob}", rows, [line], found.as_dict())
+
+
+def _mean(m: Mean | None) -> str:
+    return str(m) if m is not None else ""
+
+
+def _straight(s: Scenario) -> float:
+    """Mean length of the undisturbed way to the goal radius [m]."""
+    start, goal = places(s, generators(s.seed)["start"])
+    position = start.array()[:, [0, 1, 3]]
+    return float(((position - goal) ** 2).sum(axis=-1).mean() ** 0.5) - s.goal_radius_m

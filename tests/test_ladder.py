@@ -1,0 +1,99 @@
+"""The ladder's bookkeeping, on a scripted plant whose effects and interaction are known."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from testbed.scenario import load, parse
+from testbed.studies.ladder import Rung, account, alone, climb, cumulative, rates, rungs
+from testbed.studies.measure import Job, default_starts, override
+
+# Two lags a and b of a scripted vehicle that comes 10 - a - 2b - 3ab + seed close.
+SCRIPTED = [
+    Rung("ideal", (("wind.speed_mps", 0.0), ("wind.updraft_mps", 0.0))),
+    Rung("a", (("wind.speed_mps", 0.5),), "ideal"),
+    Rung("b", (("wind.updraft_mps", 0.25),), "ideal"),
+]
+
+
+def scripted(job: Job) -> dict[str, Any]:
+    wind = json.loads(job.data)["wind"]
+    a, b = wind["speed_mps"], wind["updraft_mps"]
+    distance = 10 - a - 2 * b - 3 * a * b + job.seed
+    return {
+        "distance_m": distance,
+        "distance_verdict": "holds" if distance >= 11 else "violated",
+        "refused": "",
+    }
+
+
+@pytest.fixture
+def table(tmp_path: Path):  # type: ignore[no-untyped-def]
+    return climb(load("paper-2-turn"), SCRIPTED, 5, tmp_path / "l", workers=1, work=scripted)
+
+
+def test_known_interacting_lags_are_accounted_for_exactly(table: Any) -> None:
+    found = account(table, SCRIPTED, "distance_m")
+    a, b = 0.5, 0.25
+    assert found.steps[1].difference.value == pytest.approx(-a)
+    assert found.steps[1].alone.value == pytest.approx(-a)
+    assert found.steps[2].difference.value == pytest.approx(-2 * b - 3 * a * b)
+    assert found.steps[2].alone.value == pytest.approx(-2 * b)
+    assert found.total.value == pytest.approx(-a - 2 * b - 3 * a * b)
+    assert found.interaction.value == pytest.approx(-3 * a * b)
+
+
+def test_differences_telescope_to_the_total(table: Any) -> None:
+    found = account(table, SCRIPTED, "distance_m")
+    assert sum(s.difference.value for s in found.steps[1:]) == pytest.approx(found.total.value)
+    assert found.steps[-1].value - found.steps[0].value == pytest.approx(found.total.value)
+
+
+def test_rates_count_what_does_not_hold(table: Any) -> None:
+    assert rates(table, SCRIPTED)["ideal"].startswith("0/5")
+    assert rates(table, SCRIPTED)["b"].startswith("2/5")
+
+
+def test_an_interrupted_climb_resumes_where_it_stopped(tmp_path: Path) -> None:
+    flown = []
+
+    def fragile(job: Job) -> dict[str, Any]:
+        if len(flown) == 7:
+            raise KeyboardInterrupt
+        flown.append(job)
+        return scripted(job)
+
+    def counted(job: Job) -> dict[str, Any]:
+        flown.append(job)
+        return scripted(job)
+
+    s = load("paper-2-turn")
+    with pytest.raises(KeyboardInterrupt):
+        climb(s, SCRIPTED, 5, tmp_path / "l", workers=1, work=fragile)
+    climb(s, SCRIPTED, 5, tmp_path / "l", workers=1, work=counted)
+    assert len(flown) == len(set(flown)) == 4 * 5
+
+
+def test_every_rung_is_a_valid_scenario_and_only_overrides() -> None:
+    s = load("paper-2-turn")
+    ladder = rungs(s)
+    for fields in [*cumulative(ladder).values(), *(f for pair in alone(ladder).values() for f in pair)]:
+        made = parse(json.loads(override(s, fields)))
+        assert made.barrier == s.barrier and made.start == s.start and made.duration_s == s.duration_s
+
+
+def test_a_rung_alone_has_its_bases_and_nothing_else() -> None:
+    without, with_ = alone(rungs(load("paper-2-turn")))["gusts"]
+    assert with_["gusts.intensity"] == "moderate" and with_["plant"] == "jsbsim"
+    assert with_["wind.speed_mps"] == 0.0
+    assert {k for k in with_ if with_[k] != without[k]} == {"gusts.intensity"}
+
+
+def test_starts_are_perturbed_only_where_the_scenario_does_not() -> None:
+    assert default_starts(load("paper-2-turn")).start.lateral_perturbation_m == 10.0
+    own = load("paper-2-turn", ["heading_perturbation_deg=2"])
+    assert default_starts(own) == own
