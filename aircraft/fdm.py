@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jsbsim
 import numpy as np
@@ -247,6 +247,35 @@ class Fdm:
         """Let the first period of `run` integrate by Euler: it has no acceleration of a period before."""
         self._integrator = self.nodes["velocity_integrator"].get_double_value()
         self.nodes["velocity_integrator"].set_double_value(_EULER)
+
+    def hold(
+        self,
+        velocity: Sequence[float],
+        attitude: Sequence[float],
+        rates: Sequence[float],
+        commands: Mapping[str, float],
+    ) -> Array:
+        """Evaluate all models without moving, in still air, the autopilot off: for tools, not for flight.
+
+        velocity  body axes, relative to the air [m/s];  attitude  roll, pitch, yaw [rad]
+        rates     p, q, r [rad/s];  commands  property -> value, taken by the actuators at once
+        Returns   the derivatives of velocity and rates along body axes, (6,) [m/s^2, rad/s^2]
+        """
+        n = self.nodes
+        n["on"].set_double_value(0.0)
+        for path, value in commands.items():
+            self.node(path).set_double_value(value)
+        values = [*attitude, *(x / M_PER_FT for x in velocity), *rates]
+        names = "roll_ic pitch_ic yaw_ic u_ic v_ic w_ic p_ic q_ic r_ic".split()
+        for name, value in zip(names, values, strict=True):
+            n[name].set_double_value(float(value))
+        self._fdm.set_trim_status(True)
+        self._fdm.run_ic()
+        self._fdm.set_trim_status(False)
+        for _ in range(3):  # forces that depend on accelerations come back one evaluation later
+            self.evaluate()
+        read = [n[k].get_double_value() for k in ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")]
+        return np.array([*(M_PER_FT * x for x in read[:3]), *read[3:]])
 
     # -- flying
 
