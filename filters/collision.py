@@ -19,7 +19,17 @@ from filters.pairs import Barrier, PairValues
 from filters.qp import Status
 from filters.qp_each import solve_each
 from filters.robust import Margin
-from filters.rows import Alpha, OwnRows, PerPair, Rows, barrier_rows, least, limited_rows, observed_rows
+from filters.rows import (
+    Alpha,
+    OwnRows,
+    PerPair,
+    Rows,
+    barrier_rows,
+    least,
+    limited_rows,
+    observed_rows,
+    taken,
+)
 from filters.unicycle import Array, Command, Limits, View
 
 Indices = NDArray[np.intp]
@@ -158,9 +168,8 @@ class Problem:
         i, j = rows.i, rows.j
         # Rows that no input in the box can violate go. That is exact, and they are the worst scaled ones (a
         # cubic alpha far from the boundary).
-        worst = least(rows.lie_i, self.lower[i], self.upper[i]) + least(
-            rows.lie_j, self.lower[j], self.upper[j]
-        )
+        worst = least(rows.lie_i, taken(self.lower, i), taken(self.upper, i))
+        worst += least(rows.lie_j, taken(self.lower, j), taken(self.upper, j))
         kept = ~(worst >= rows.rhs)
         u = self.clipped()
         status = np.full(len(u), int(Status.SOLVED))
@@ -202,20 +211,21 @@ class Problem:
         short = rows.rhs - rows.left(u)
         broken = short > 0
         if broken.any():
-            kept = ~(least(rows.lie, self.lower[vehicle], self.upper[vehicle]) >= rows.rhs)
+            kept = ~(least(rows.lie, taken(self.lower, vehicle), taken(self.upper, vehicle)) >= rows.rhs)
             solving = np.zeros(len(u), dtype=bool)
             solving[vehicle[kept & broken]] = True
             use = np.flatnonzero(kept & solving[vehicle])
             u, status = solve_each(
                 self.target, vehicle[use], rows.lie[use], rows.rhs[use], self.lower, self.upper, self.solver
             )
-            for n in np.flatnonzero(status != Status.SOLVED):
-                self._evade(u, np.array([n]))
+            self._evade(u, np.flatnonzero(status != int(Status.SOLVED)))
             short = rows.rhs - rows.left(u)
         return u, status, _worst_of(len(u), (vehicle, short))
 
     def _evade(self, u: Array, vehicles: Indices) -> None:
         """Have `vehicles` of u (N, 3) fly gamma, if there is one: their QP has no solution."""
+        if vehicles.size == 0:
+            return
         gamma = None if self.barrier is None else _manoeuvre(self.barrier, len(self.target))
         if gamma is not None:
             u[vehicles] = np.clip(gamma[vehicles], self.lower[vehicles], self.upper[vehicles])
@@ -260,11 +270,10 @@ def input_set(view: View, nominal: Command, limits: Limits) -> tuple[Array, Arra
     if not np.isfinite(target).all():
         bad = int(np.flatnonzero(~np.isfinite(target).all(-1))[0])
         raise ValueError(f"the nominal command of vehicle {bad + 1} is not finite: {target[bad]}")
-    return (
-        target,
-        np.broadcast_to(limits.lower.array(), (n, 3)),
-        np.broadcast_to(limits.upper.array(), (n, 3)),
-    )
+    lower, upper = np.empty((2, n, 3))
+    lower[:, 0], lower[:, 1], lower[:, 2] = limits.v_min, -limits.omega_max, -limits.zeta_max
+    upper[:, 0], upper[:, 1], upper[:, 2] = limits.v_max, limits.omega_max, limits.zeta_max
+    return target, lower, upper
 
 
 def decision(

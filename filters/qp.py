@@ -23,6 +23,7 @@ from filters import active_set
 
 Solver = Literal["auto", "osqp"]
 """Which solver goes first: "auto" the one measured to be faster (docs/decisions/0003), or always OSQP."""
+SOLVERS = get_args(Solver)
 
 Array = NDArray[np.float64]
 
@@ -155,8 +156,8 @@ def solve(
 
 def check_solver(solver: str) -> None:
     """Raises ValueError for the name of no solver."""
-    if solver not in get_args(Solver):
-        raise ValueError(f"unknown QP solver {solver!r}; choose one of {', '.join(get_args(Solver))}")
+    if solver not in SOLVERS:
+        raise ValueError(f"unknown QP solver {solver!r}; choose one of {', '.join(SOLVERS)}")
 
 
 def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array, solver: Solver) -> Solution:

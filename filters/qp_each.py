@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from filters import active_set, qp
 from filters.qp import Solver, Status
+from filters.rows import dot, taken
 
 Array = NDArray[np.float64]
 
@@ -25,10 +26,10 @@ def solve_each(
 ) -> tuple[Array, NDArray[np.int_]]:
     """The inputs nearest to each vehicle's target inside its box and above its rows: `qp.solve` for each.
 
-    target, lower, upper  (N, n)
+    target, lower, upper  (N, 3)
     owner      (R,)            whose row it is, from 0
-    rows, rhs  (R, n), (R,)
-    Returns u (N, n) and `qp.Status` (N,); who owns no row gets its clipped target, SOLVED.
+    rows, rhs  (R, 3), (R,)
+    Returns u (N, 3) and `qp.Status` (N,); who owns no row gets its clipped target, SOLVED.
     Raises  ValueError as `qp.solve`.
     """
     qp.check_solver(solver)
@@ -37,63 +38,59 @@ def solve_each(
     if owner.size == 0:
         return u, status
     order = np.argsort(owner, kind="stable")
-    owner, rows, rhs = owner[order], rows[order], rhs[order]
-    first = np.flatnonzero(np.diff(owner, prepend=-1))
-    who = owner[first]
-    last = np.append(first[1:], owner.size)
+    rows, rhs = taken(rows, order), rhs[order]
+    count = np.bincount(owner, minlength=len(u))
+    who = np.flatnonzero(count)
+    count = count[who]
     solved = np.zeros(who.size, dtype=bool)
-    # What is not a proper QP is left to `qp.solve` to refuse: its finite sum shows that no number is missing.
-    proper = np.isfinite(rows.sum() + rhs.sum() + u.sum() + target.sum()) and not (lower > upper).any()
+    # What is not a proper QP is left to `qp.solve` to refuse. Finite sums of squares: so is every number.
+    size = np.vdot(rows, rows) + np.vdot(rhs, rhs) + np.vdot(target, target) + np.vdot(u, u)
+    proper = np.isfinite(size) and not (lower > upper).any()
     if solver == "auto" and proper:
-        u[who], solved = _together(target[who], u[who], first, last, rows, rhs, lower[who], upper[who])
-    for k in np.flatnonzero(~solved):
-        v, own = who[k], slice(first[k], last[k])
-        solution = qp.solve(target[v], rows[own], rhs[own], lower[v], upper[v], solver)
-        u[v], status[v] = solution.u, int(solution.status)
+        u[who], solved = _together(target[who], u[who], count, rows, rhs, lower[who], upper[who])
+    if not solved.all():
+        end = np.cumsum(count)
+        for k in np.flatnonzero(~solved):
+            v, own = who[k], slice(end[k] - count[k], end[k])
+            solution = qp.solve(target[v], rows[own], rhs[own], lower[v], upper[v], solver)
+            u[v], status[v] = solution.u, int(solution.status)
     return u, status
 
 
 def _together(
     target: Array,
     clipped: Array,
-    first: NDArray[np.intp],
-    last: NDArray[np.intp],
+    count: NDArray[np.intp],
     rows: Array,
     rhs: Array,
     lower: Array,
     upper: Array,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """One attempt at each of V QPs, number k having the rows first[k]:last[k]: u (V, n), and which to trust.
+    """One attempt at V QPs, the k-th having the next count[k] >= 1 rows: u (V, 3), and which to trust.
 
     Trusted is what `qp.solve` would take as it is: the conditions of optimality and all rows hold.
     """
-    count = last - first
+    first = np.cumsum(count) - count
+    place = np.repeat(np.arange(len(count)), count)
     # As in `qp.solve`: entries without a choice, or in no row, are data, kept to the last bit.
-    free = (lower < upper) & np.logical_or.reduceat(rows != 0.0, first, axis=0)
-    matrix, level, t = rows, rhs, target
-    if not free.all():
-        each = np.repeat(free, count, axis=0)
-        level = rhs - np.where(each, 0.0, rows * np.repeat(clipped, count, axis=0)).sum(axis=1)
+    choice = lower < upper
+    free = choice & np.logical_or.reduceat(rows != 0.0, first, axis=0)
+    t = np.where(free, target, clipped)
+    matrix, level = rows, rhs
+    if not choice.all():
+        each = choice[place]
+        level = rhs - dot(np.where(each, 0.0, rows), taken(clipped, place))
         matrix = np.where(each, rows, 0.0)
-        t = np.where(free, target, clipped)
-        lower, upper = np.where(free, lower, clipped - 1.0), np.where(free, upper, clipped + 1.0)
-    norm = np.sqrt(np.einsum("rn,rn->r", matrix, matrix))
+        # Room on both sides, so that equal limits are no active constraints.
+        lower, upper = np.where(choice, lower, clipped - 1.0), np.where(choice, upper, clipped + 1.0)
+    norm = np.sqrt(dot(matrix, matrix))
     norm[norm == 0.0] = 1.0
     unit, level = matrix / norm[:, None], level / norm
-    found, dual = np.empty_like(t), np.empty_like(level)
-    claims_none = np.zeros(len(t), dtype=bool)
-    for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        found[k], dual[a:b], _, claims_none[k] = active_set.attempt(
-            t[k], unit[a:b], level[a:b], lower[k], upper[k]
-        )
+    found, dual, _, trusted = active_set.attempt_each(t, count, unit, level, lower, upper)
     u = np.where(free, np.minimum(np.maximum(found, lower), upper), clipped)
 
     pull = np.add.reduceat(dual[:, None] * unit, first, axis=0)
     stationary = np.abs(u - np.minimum(np.maximum(t + pull, lower), upper)).max(axis=1)
-    at_rows = np.repeat(u, count, axis=0)
-    complementary = np.minimum(dual, np.einsum("rn,rn->r", unit, at_rows) - level)
-    short = rhs - np.einsum("rn,rn->r", rows, at_rows)
-    trusted = ~claims_none & (stationary <= qp.ACCEPT)
-    trusted &= np.maximum.reduceat(np.abs(complementary), first) <= qp.ACCEPT
-    trusted &= np.maximum.reduceat(short, first) <= qp.RESIDUAL
-    return u, trusted
+    slack = dot(unit, taken(u, place)) - level
+    fine = (np.abs(np.minimum(dual, slack)) <= qp.ACCEPT) & (norm * slack >= -qp.RESIDUAL)
+    return u, trusted & (stationary <= qp.ACCEPT) & np.logical_and.reduceat(fine, first)

