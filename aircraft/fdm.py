@@ -266,7 +266,7 @@ class Fdm:
         for path, value in commands.items():
             self.node(path).set_double_value(value)
         values = [*attitude, *(x / M_PER_FT for x in velocity), *rates]
-        names = "roll_ic pitch_ic yaw_ic u_ic v_ic w_ic p_ic q_ic r_ic".split()
+        names = ["roll_ic", "pitch_ic", "yaw_ic", "u_ic", "v_ic", "w_ic", "p_ic", "q_ic", "r_ic"]
         for name, value in zip(names, values, strict=True):
             n[name].set_double_value(float(value))
         self._fdm.set_trim_status(True)
