@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.record import Run
-from testbed.report.style import PAGE, drawing, limits, save, separation, style
+from testbed.report.style import PAGE, drawing, limits, log_distance, save, separation, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,7 +59,7 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     limits(speed, box["v_min_mps"], box["v_max_mps"])
     limits(turn, -box["omega_max_degps"], box["omega_max_degps"])
     separation(distance, scenario["d_safe_m"])
-    distance.set_yscale("log")
+    log_distance(distance)
     speed.set(xlabel="time [s]", ylabel="ground speed [m/s]", title="Vehicle 1: speed (thin: commanded)")
     turn.set(xlabel="time [s]", ylabel="turn rate [deg/s]", title="Vehicle 1: turn rate (thin: commanded)")
     distance.set(xlabel="time [s]", ylabel="distance [m]", title="Smallest distance of any pair")

@@ -11,7 +11,7 @@ import numpy as np
 
 from testbed.record import Run
 from testbed.report.figures import one
-from testbed.report.style import COLUMN, PAGE, drawing, limits, save, separation, style
+from testbed.report.style import COLUMN, PAGE, drawing, limits, log_distance, save, separation, style
 from testbed.studies.reproduction import stamp_shift, vertices
 
 if TYPE_CHECKING:
@@ -62,7 +62,8 @@ def distance(axes: Axes, runs: Runs) -> None:
         least = run.guarantee("separation")["value"]
         axes.plot(smallest.index, smallest, label=f"{name}, least {least:.2f} m", **style(name))
     separation(axes, _scenario(runs)["d_safe_m"])
-    axes.set(xlabel="time [s]", ylabel="smallest distance [m]", yscale="log")
+    axes.set(xlabel="time [s]", ylabel="smallest distance [m]")
+    log_distance(axes)
 
 
 def path(axes: Axes, runs: Runs) -> None:
@@ -140,11 +141,13 @@ def draw(figure: PaperFigure, runs: Runs, folder: Path) -> list[Path]:
         rows = (len(figure.panels) + 1) // 2
         sheet, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.5 * rows), layout="constrained")
         plants = {run.manifest["scenario"]["plant"] for run in runs.values()}
-        sheet.suptitle(f"{figure.name}: {figure.title}, {' and '.join(sorted(plants))}", fontsize=9)
+        sheet.suptitle(
+            f"Figure {figure.name[3:]}: {figure.title}, {' and '.join(sorted(plants))}", fontsize=9
+        )
         for axes, panel in zip(np.ravel(grid), figure.panels, strict=True):
             _draw_panel(axes, panel, runs)
             axes.set_title(f"({panel.letter})", loc="left", fontsize=8)
-        files += save(sheet, folder, figure.name)
+        files += save(sheet, folder, figure.name, dpi=120)
     return files
 
 

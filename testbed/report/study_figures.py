@@ -27,7 +27,8 @@ def kink(table: pd.DataFrame, seen: Look, d_safe: float, folder: Path) -> list[P
         sheet, grid = plt.subplots(2, 2, figsize=(PAGE, 5.0), layout="constrained")
         for axes, draw in zip(grid.flat, (_shape, _chatter, _heading, _drain), strict=True):
             draw(axes, seen)
-            axes.legend(loc="best")
+            if axes.get_legend_handles_labels()[0]:
+                axes.legend(loc="best")
         c = seen.case
         grid[0, 0].set_title(f"(a) two vehicles {ABREAST_M:g} m abreast", loc="left", fontsize=8)
         grid[0, 1].set_title(
@@ -96,7 +97,7 @@ def _seeds(axes: Axes, table: pd.DataFrame, d_safe: float) -> None:
     for side, name in ((-0.12, "paper"), (0.12, "smoothed")):
         for k, dt in enumerate(periods):
             rows = table[(table.barrier == name) & (table.dt_s == dt)]
-            spread = np.linspace(-0.08, 0.08, len(rows)) if len(rows) > 1 else np.zeros(1)
+            spread = np.linspace(-0.08, 0.08, len(rows)) if len(rows) > 1 else np.zeros(len(rows))
             axes.plot(
                 k + side + spread,
                 rows.min_distance_m,
@@ -109,7 +110,7 @@ def _seeds(axes: Axes, table: pd.DataFrame, d_safe: float) -> None:
     separation(axes, d_safe)
     axes.set_xticks(range(len(periods)), [f"{dt:g}" for dt in periods])
     axes.set(xlabel="filter and unicycle period [s]", ylabel="least distance of a run [m]")
-    axes.legend(loc="best")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
 
 
 def onset(onsets: list[Onset], folder: Path) -> list[Path]:

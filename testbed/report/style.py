@@ -39,7 +39,8 @@ RC: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "lines.linewidth": 1.3,
-    "legend.frameon": False,
+    "legend.framealpha": 0.8,
+    "legend.edgecolor": "none",
     "legend.fontsize": 7,
     "svg.hashsalt": "cbf-jsbsim-testbed",
 }
@@ -70,18 +71,27 @@ def limits(axes: Axes, *values: float) -> None:
         axes.axhline(value, **LIMIT)
 
 
+def log_distance(axes: Axes) -> None:
+    """A logarithmic ordinate with plain numbers: 5 and 60, not powers of ten."""
+    from matplotlib.ticker import LogFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(LogFormatter())
+    axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
+
+
 def separation(axes: Axes, d_safe: float) -> None:
     """The line of Ds, named."""
     limits(axes, d_safe)
     axes.text(0.01, d_safe, " Ds", va="bottom", fontsize=7, transform=axes.get_yaxis_transform())
 
 
-def save(figure: Figure, folder: Path, name: str) -> list[Path]:
+def save(figure: Figure, folder: Path, name: str, dpi: int = 160) -> list[Path]:
     """Write NAME.png and NAME.pdf, and close the figure."""
     from matplotlib import pyplot as plt
 
     files = [folder / f"{name}.png", folder / f"{name}.pdf"]
-    figure.savefig(files[0], dpi=160)
+    figure.savefig(files[0], dpi=dpi)
     # No dates: equal data give equal files.
     figure.savefig(files[1], metadata={"CreationDate": None})
     plt.close(figure)

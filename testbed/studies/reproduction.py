@@ -84,7 +84,7 @@ def table(runs: dict[str, Run]) -> list[dict[str, Any]]:
             rows.append(
                 {
                     "panel": panel,
-                    "quantity": quantity,
+                    "quantity": quantity.removeprefix("min_"),
                     "series": series,
                     "unit": unit,
                     "vertices": int(error.size),
