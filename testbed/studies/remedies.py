@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 def catalogue(s: Scenario) -> dict[str, Fields]:
     """Remedies worth comparing: label -> fields of the scenario. The scenario's own is the first."""
     smooth: Fields = {"remedy.smoothing_m2": 30.0} if s.barrier.kind == "turn" and not s.barrier.pairs else {}
+    turns = s.barrier.kind in ("turn", "rollout")
     prediction: Fields = {"remedy.prediction_s": 0.45}
     lags: Fields = {"remedy.predict_lags": True}
     robust: Fields = {
@@ -40,7 +41,9 @@ def catalogue(s: Scenario) -> dict[str, Fields]:
         "prediction by lags": lags,
         "robust rows": robust,
         "ISSf rows": {"remedy.issf_epsilon": 10.0},
-        "derated 0.8": {"remedy.derate": 0.8},
+        ("derated 0.8" if turns else "slower 0.97"): {"remedy.derate": 0.8}
+        if turns
+        else {"remedy.derate_speed": 0.97},
         "prediction 0.45 s, buffer 0.5 m": prediction | buffer(0.5),
         "lags, buffer 0.5 m": lags | buffer(0.5),
         "lags, buffer 1 m": lags | buffer(1.0),

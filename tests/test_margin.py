@@ -1,0 +1,107 @@
+"""Finding the smallest remedy, on scripted answers; and the remedies' table."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from testbed.errors import UserError
+from testbed.scenario import load, parse
+from testbed.studies import remedies
+from testbed.studies.margin import KNOBS, find
+from testbed.studies.measure import Job, override
+
+SCENARIO = load("paper-2-turn")
+
+
+def answer(job: Job, lost: bool) -> dict[str, Any]:
+    return {"distance_m": 4.0 if lost else 6.0, "distance_verdict": "violated" if lost else "holds"}
+
+
+def buffer_above(threshold: float):  # type: ignore[no-untyped-def]
+    def measured(job: Job) -> dict[str, Any]:
+        return answer(job, json.loads(job.data)["remedy"]["ds_buffer_m"] < threshold)
+
+    return measured
+
+
+def test_the_lower_edge_is_bisected_and_certified_on_fresh_seeds() -> None:
+    found = find(SCENARIO, "ds_buffer", 0.01, seeds=5, workers=1, measured=buffer_above(0.8))
+    assert found.certified
+    # grid 0.5 then 1.0, four bisections
+    assert 0.8 <= found.setting <= 0.8 + 0.5 / 2**4
+    certificate = next(p for p in found.points if p.stage.startswith("certify"))
+    assert certificate.runs >= 400 and found.bound <= 0.01
+
+
+def test_a_knob_that_helps_only_within_a_window_is_found_at_its_lower_edge() -> None:
+    def window(job: Job) -> dict[str, Any]:
+        return answer(job, not 0.27 <= json.loads(job.data)["remedy"]["prediction_s"] <= 0.61)
+
+    found = find(SCENARIO, "prediction", 0.05, seeds=5, workers=1, measured=window)
+    assert found.certified
+    assert 0.27 <= found.setting <= 0.27 + 0.1 / 2**4
+
+
+def test_a_remedy_that_never_helps_is_said_so() -> None:
+    found = find(SCENARIO, "derate", 0.01, seeds=3, workers=1, measured=lambda job: answer(job, True))
+    assert found.setting is None and not found.certified
+
+
+def test_luck_on_the_sweeps_seeds_is_not_a_certificate() -> None:
+    def lucky(job: Job) -> dict[str, Any]:
+        return answer(job, job.seed > 5 and job.seed % 3 == 0)
+
+    found = find(SCENARIO, "ds_buffer", 0.01, seeds=5, workers=1, measured=lucky)
+    assert not found.certified
+
+
+@pytest.mark.parametrize("knob", KNOBS)
+def test_every_setting_of_every_knob_is_a_valid_scenario(knob: str) -> None:
+    assert KNOBS[knob].grid[0] == 0.0
+    for setting in KNOBS[knob].grid:
+        parse(json.loads(override(SCENARIO, KNOBS[knob].fields(setting))))
+
+
+def test_an_unknown_knob_and_an_impossible_rate_are_refused() -> None:
+    with pytest.raises(UserError, match="did you mean derate"):
+        find(SCENARIO, "derat", 0.01)
+    with pytest.raises(UserError, match="between 0 and 1"):
+        find(SCENARIO, "derate", 1.5)
+
+
+def test_every_remedy_compared_is_a_valid_scenario() -> None:
+    for s in (SCENARIO, load("paper-2-straight"), load("paper-2-turn", ["wind.speed_mps=5"])):
+        listed = remedies.catalogue(s)
+        assert next(iter(listed.values())) == {}
+        for fields in listed.values():
+            parse(json.loads(override(s, fields)))
+
+
+def test_the_table_has_rates_costs_and_delays() -> None:
+    rows = pd.DataFrame(
+        [
+            {
+                "remedy": name,
+                "seed": seed,
+                "distance_verdict": "violated" if name == "none" and seed < 3 else "holds",
+                "distance_m": 4.0 + seed,
+                "h_m": seed - 1.0,
+                "infeasible": 1,
+                "overridden_share": 0.5,
+                "path_added_m": 19.0,
+                "goal_passed_s": 10.0 + (2.0 if name == "buffer" else 0.0),
+            }
+            for name in ("none", "buffer")
+            for seed in (1, 2, 3, 4)
+        ]
+    )
+    made = remedies.table(rows, straight_m=380.0).set_index("remedy")
+    assert (made.violations["none"], made.rate["none"]) == (2, 0.5)
+    assert made.rate_high["buffer"] == pytest.approx(0.602, abs=1e-3)
+    assert made.goal_delay_s["buffer"] == 2.0
+    assert made.path_cost["none"] == pytest.approx(0.05)
+    assert made.infeasible_steps["none"] == 4
