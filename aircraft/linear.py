@@ -1,7 +1,8 @@
-"""Frequency responses and stability margins of the autopilot's loops, measured in the nonlinear simulation.
+"""Frequency responses, margins and modes: measured in the nonlinear simulation, and of a linear model.
 
 A loop is broken at a plant input: an impulse is added to the autopilot's output there, all else closed. What
 the total becomes is the sensitivity S = 1 / (1 + L) at every frequency, sampling and actuators included.
+`aircraft.statespace` gives the same loops without flying them.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from aircraft.airframe import Airframe
 from aircraft.earth import Origin
 from aircraft.fdm import Fdm, Start
+from aircraft.statespace import Model, Point, rotation
 
 Array = NDArray[np.float64]
 
@@ -80,3 +82,62 @@ def margins(measured: Response) -> Margins:
         disk=float(1.0 / np.max(np.abs(1.0 / (1.0 + loop) - 0.5))),
         crossover=float(w[crosses_unity[-1]]) if len(crosses_unity) else float("inf"),
     )
+
+
+def model_response(model: Model, loop: str, frequency: NDArray[np.floating[Any]]) -> Response:
+    """The loop transfer of a linear model at `frequency` [rad/s]."""
+    a, b, c = model.loop(loop)
+    z = np.exp(1j * frequency * model.dt)[:, None, None]
+    return Response(frequency, (c @ np.linalg.solve(z * np.eye(len(a)) - a, b[None]))[:, 0, 0])
+
+
+def model_margins(model: Model, loop: str) -> Margins:
+    """Margins of a linear model's loop as python-control computes them, disk margin with skew 0."""
+    import control
+
+    system = control.ss(*model.loop(loop), 0.0, model.dt)
+    frequency = np.geomspace(1e-2, 0.98 * np.pi / model.dt, 600)
+    at = control.frequency_response(system, frequency)
+    gain, phase, _, _, crossovers, _ = control.stability_margins(at, returnall=True)
+    disk, _, _ = control.disk_margins(system, frequency, skew=0.0)
+    return Margins(
+        gain_db=float(min(abs(20 * np.log10(np.asarray(gain))), default=np.inf)),
+        phase_deg=float(min(abs(np.asarray(phase)), default=np.inf)),
+        disk=float(disk),
+        crossover=float(max(crossovers, default=np.inf)),
+    )
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A natural mode: eigenvalue [1/s], natural frequency [rad/s] and damping ratio."""
+
+    name: str
+    eigenvalue: complex
+
+    @property
+    def frequency(self) -> float:
+        return abs(self.eigenvalue)
+
+    @property
+    def damping(self) -> float:
+        """1 for a real stable mode, -1 for a real unstable one."""
+        return -self.eigenvalue.real / abs(self.eigenvalue) if self.eigenvalue else 0.0
+
+
+def modes(point: Point) -> list[Mode]:
+    """The airframe's own modes in level flight, controls fixed, one of each conjugate pair.
+
+    Pitch and roll are solved apart: level flight of a symmetric aircraft does not couple them.
+    """
+    turn = np.eye(9)
+    turn[:3, :3] = rotation(0.0, 0.0, point.trim[5])  # forward, right, down
+    a = turn.T @ point.a @ turn
+    along, aside = [0, 2, 4, 7], [1, 3, 5, 6, 8]
+    pitch = sorted(np.linalg.eigvals(a[np.ix_(along, along)]), key=abs, reverse=True)
+    roll = sorted(np.linalg.eigvals(a[np.ix_(aside, aside)]), key=abs, reverse=True)[:4]  # not the heading
+    named = [("short period", x) for x in pitch[:2]] + [("phugoid", x) for x in pitch[2:]]
+    named += [("Dutch roll" if abs(x.imag) > 1e-6 else "", x) for x in roll]
+    reals = [x for name, x in named if not name]
+    named = [(name or ("roll" if x is reals[0] else "spiral"), x) for name, x in named]
+    return [Mode(name, complex(x)) for name, x in named if x.imag >= 0]
