@@ -250,9 +250,9 @@ class Fdm:
 
     def hold(
         self,
-        velocity: Sequence[float],
-        attitude: Sequence[float],
-        rates: Sequence[float],
+        velocity: Sequence[float] | Array,
+        attitude: Sequence[float] | Array,
+        rates: Sequence[float] | Array,
         commands: Mapping[str, float],
     ) -> Array:
         """Evaluate all models without moving, in still air, the autopilot off: for tools, not for flight.

@@ -88,18 +88,18 @@ def model_response(model: Model, loop: str, frequency: NDArray[np.floating[Any]]
     """The loop transfer of a linear model at `frequency` [rad/s]."""
     a, b, c = model.loop(loop)
     z = np.exp(1j * frequency * model.dt)[:, None, None]
-    return Response(frequency, (c @ np.linalg.solve(z * np.eye(len(a)) - a, b[None]))[:, 0, 0])
+    gain = c @ np.linalg.solve(z * np.eye(len(a)) - a, b[None])
+    return Response(frequency, gain[:, 0, 0].astype(np.complex128))
 
 
 def model_margins(model: Model, loop: str) -> Margins:
     """Margins of a linear model's loop as python-control computes them, disk margin with skew 0."""
     import control
 
-    system = control.ss(*model.loop(loop), 0.0, model.dt)
-    frequency = np.geomspace(1e-2, 0.98 * np.pi / model.dt, 600)
-    at = control.frequency_response(system, frequency)
+    frequency = np.geomspace(1e-2, 0.98 * np.pi / model.dt, 500)
+    at = control.frd(model_response(model, loop, frequency).loop, frequency, dt=model.dt)
     gain, phase, _, _, crossovers, _ = control.stability_margins(at, returnall=True)
-    disk, _, _ = control.disk_margins(system, frequency, skew=0.0)
+    disk, _, _ = control.disk_margins(control.ss(*model.loop(loop), 0.0, model.dt), frequency, skew=0.0)
     return Margins(
         gain_db=float(min(abs(20 * np.log10(np.asarray(gain))), default=np.inf)),
         phase_deg=float(min(abs(np.asarray(phase)), default=np.inf)),
