@@ -188,6 +188,29 @@ def margin(
     _study(find(s, knob, target_rate, _count(seeds), where, workers, overwrite), as_json)
 
 
+@app.command(epilog="Example: testbed answer --airframes x8 --vehicles 2 --seeds 20")
+def answer(
+    airframes: Annotated[str, typer.Option("--airframes", help="names or folders")] = "x8,rascal",
+    vehicles: Annotated[str, typer.Option("--vehicles", help="2, 20 or both")] = "2,20",
+    out: OutOption = None,
+    seeds: SeedsOption = 50,
+    workers: WorkersOption = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Does the guarantee survive? Aircraft, numbers, weather and remedies in one table."""
+    from testbed.studies.answer import FLEETS
+    from testbed.studies.robustness import answer as find
+
+    fleets = {str(n): n for n in FLEETS}
+    asked = [v.strip() for v in vehicles.split(",")]
+    if unknown := [v for v in asked if v not in fleets]:
+        raise UserError(f"--vehicles {unknown[0]}: give 2, 20 or 2,20")
+    names = [a.strip() for a in airframes.split(",") if a.strip()]
+    where = out or Path("runs") / "answer"
+    _study(find(names, [fleets[v] for v in asked], _count(seeds), where, workers, overwrite), as_json)
+
+
 @app.command("list", epilog="Example: testbed list --json")
 def list_(as_json: JsonOption = False) -> None:
     """The built-in scenarios."""

@@ -22,7 +22,15 @@ from testbed.scenario import SCHEMA_VERSION
 
 MANIFEST = "manifest.json"
 # What a folder written by this program holds, of which it may be replaced.
-MARKS = (MANIFEST, "comparison.json", "figures.json", "ladder.json", "remedies.json", "margin.json")
+MARKS = (
+    MANIFEST,
+    "comparison.json",
+    "figures.json",
+    "ladder.json",
+    "remedies.json",
+    "margin.json",
+    "answer.json",
+)
 
 
 @contextmanager

@@ -82,3 +82,30 @@ def margin(found: Margin, folder: Path) -> list[Path]:
         a.set(xlabel=f"{found.knob} [{found.unit}]", ylabel="runs that lose Ds [%], 95 % interval")
         a.legend(loc="best")
         return save(figure, folder, "margin")
+
+
+def answer(table: pd.DataFrame, folder: Path) -> list[Path]:
+    """Share of runs that lose Ds, by case, with intervals."""
+    with drawing() as pyplot:
+        figure, a = pyplot.subplots(figsize=(PAGE, 0.2 * len(table) + 0.9), layout="constrained")
+        y = np.arange(len(table))[::-1]
+        rate = 100 * table.lost / table.runs
+        low, high = rate - 100 * table.rate_low, 100 * table.rate_high - rate
+        colours = {"unicycle": BLUE, "x8": VERMILION}
+        for vehicle in dict.fromkeys(table.vehicle):
+            of = (table.vehicle == vehicle).to_numpy()
+            a.errorbar(
+                rate[of],
+                y[of],
+                xerr=[low[of].clip(0), high[of].clip(0)],
+                fmt="o",
+                ms=3.5,
+                capsize=2,
+                color=colours.get(vehicle, GREEN),
+                label=vehicle,
+            )
+        names = [f"{r.number} {r.vehicle}, {r.weather}, {r.remedy}" for r in table.itertuples()]
+        a.set_yticks(y, names)
+        a.set(xlabel="runs that lose Ds [%], 95 % interval", xlim=(-2, 102))
+        a.legend(loc="best")
+        return save(figure, folder, "answer")

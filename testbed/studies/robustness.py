@@ -11,6 +11,7 @@ from testbed.scenario import Scenario
 from testbed.start import generators, places
 from testbed.statistics import Mean
 from testbed.store import check_free, staged, write_json
+from testbed.studies import answer as answers
 from testbed.studies import ladder as ladders
 from testbed.studies import margin as margins
 from testbed.studies import remedies
@@ -132,6 +133,35 @@ def margin(
     else:
         line = f"{knob}: not certified; feasible on the sweep's seeds, lost on fresh ones"
     return Found(out, f"{s.name} on {s.plant}: margin by {knob}", rows, [line], found.as_dict())
+
+
+def answer(
+    airframes: list[str], vehicles: list[int], seeds: int, out: Path, workers: int | None, overwrite: bool
+) -> Found:
+    """The central table: answer.csv, answer.md, figure. Fleets of 20 fly a fifth of the seeds, at least 5."""
+    check_free(out, overwrite)
+    made = answers.cases(airframes, vehicles)
+    each = {n: seeds if n == 2 else max(5, seeds // 5) for n in vehicles}
+    table = answers.answer(made, each, out, workers)
+    with staged(out, overwrite) as folder:
+        table.to_csv(folder / "answer.csv", index=False)
+        (folder / "answer.md").write_text(answers.markdown(table), encoding="utf-8")
+        write_json(folder / "answer.json", {"seeds": {str(n): k for n, k in each.items()}})
+        figures.answer(table, folder)
+    rows = [
+        {
+            "vehicle": r.vehicle,
+            "n": r.number,
+            "air": r.weather,
+            "remedy": r.remedy,
+            "lost": f"{r.lost}/{r.runs}",
+            "95 % CI": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
+            "least [m]": round(r.least_distance_m, 2),
+            "median [m]": round(r.median_distance_m, 2),
+        }
+        for r in table.itertuples()
+    ]
+    return Found(out, f"does the guarantee survive? runs that lose Ds = {answers.d_safe_m():g} m", rows)
 
 
 def _mean(m: Mean | None) -> str:
