@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from filters import active_set
 
 Solver = Literal["auto", "osqp"]
-"""Which solver goes first: "auto" the one measured to be faster (docs/decisions/0003), or always OSQP."""
+"""Which solver goes first: "auto" the one measured to be faster (docs/decisions/0006), or always OSQP."""
 SOLVERS = get_args(Solver)
 
 Array = NDArray[np.float64]
