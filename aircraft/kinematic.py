@@ -8,8 +8,7 @@ vehicle at once, until the channels have corrected it.
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,12 +30,57 @@ class Lag:
             raise ValueError(f"a lag needs times >= 0 and rate_min < 0 < rate_max, got {self}")
 
 
+def _triples(lags: Sequence[Lag] | Sequence[Sequence[Lag]], vehicles: int) -> list[list[Lag]]:
+    """Per vehicle the lags of v, omega and zeta."""
+    each = [list(entry) for entry in lags if not isinstance(entry, Lag)]
+    shared = [entry for entry in lags if isinstance(entry, Lag)]
+    if shared:
+        each = [shared] * vehicles
+    for triple in each:
+        if len(triple) != 3:
+            raise ValueError(f"lags are for v, omega and zeta: three, got {len(triple)}")
+    if len(each) == 1:
+        each = each * vehicles
+    if len(each) != vehicles:
+        raise ValueError(f"{vehicles} vehicles need one or {vehicles} triples of lags, got {len(each)}")
+    return each
+
+
+class _Channels:
+    """The lags of N vehicles as arrays (N, 3), and the commands that they have still to hear."""
+
+    def __init__(self, lags: list[list[Lag]], dt: float) -> None:
+        def each(value: Callable[[Lag], float]) -> Array:
+            return np.array([[value(lag) for lag in triple] for triple in lags])
+
+        # Exact for a constant target; a pure rate limit when there is no lag.
+        self._share = each(lambda lag: -math.expm1(-dt / lag.time_constant_s) if lag.time_constant_s else 1.0)
+        self._most = each(lambda lag: lag.rate_max * dt)
+        self._least = each(lambda lag: lag.rate_min * dt)
+        self._delay = each(lambda lag: round(lag.delay_s / dt)).astype(int)
+        self._which = np.ogrid[: len(lags), :3]
+
+    def reset(self, rates: Array) -> None:
+        """All were told `rates` (N, 3) for ever."""
+        self._told = np.repeat(rates[None], self._delay.max() + 1, axis=0)
+        self._now = 0
+
+    def advance(self, rates: Array, asked: Array) -> Array:
+        """The rates (N, 3) one period later, when `asked` is what they are told now."""
+        self._now = (self._now + 1) % len(self._told)
+        self._told[self._now] = asked
+        heard = self._told[(self._now - self._delay) % len(self._told), *self._which]
+        move: Array = np.clip((heard - rates) * self._share, self._least, self._most)
+        return rates + move
+
+
 class KinematicFleet:
     """N unicycles; a Plant (see `aircraft.plant`).
 
     vehicles     N
     dt           period [s]
-    lags         (v, omega, zeta) for all vehicles; None tracks commands perfectly, the exact arc
+    lags         one triple (v, omega, zeta) per vehicle, or one for all; None tracks commands perfectly, the
+                 exact arc
     start_speed  ground speed at t = 0 [m/s], one or (N,); without lags the first command replaces it
     start_wind   wind at t = 0 [m/s], (3,) or (N, 3)
     """
@@ -45,7 +89,7 @@ class KinematicFleet:
         self,
         vehicles: int,
         dt: float = 0.005,
-        lags: Sequence[Lag] | None = None,
+        lags: Sequence[Lag] | Sequence[Sequence[Lag]] | None = None,
         start_speed: float | Array = 20.0,
         start_wind: Array | Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
@@ -53,11 +97,9 @@ class KinematicFleet:
             raise ValueError("a fleet needs at least one vehicle")
         if not dt > 0:
             raise ValueError(f"the period must be positive, got {dt} s")
-        if lags is not None and len(lags) != 3:
-            raise ValueError(f"lags are for v, omega and zeta: three, got {len(lags)}")
         self.dt = dt
-        self.lags = None if lags is None else tuple(lags)
         self._vehicles = vehicles
+        self._channels = None if lags is None else _Channels(_triples(lags, vehicles), dt)
         self._start_speed = np.broadcast_to(np.asarray(start_speed, dtype=float), (vehicles,))
         self._start_wind = np.broadcast_to(np.asarray(start_wind, dtype=float), (vehicles, 3))
 
@@ -70,12 +112,8 @@ class KinematicFleet:
         self._state = State.of(state.array().copy())
         self._rates = np.stack([self._start_speed, np.zeros(len(state)), np.zeros(len(state))], axis=-1)
         self._wind = self._start_wind.copy()
-        if self.lags:
-            # The commands of the last periods, oldest first: what a channel still has to hear.
-            self._late = [
-                deque([self._rates[:, k].copy()] * round(lag.delay_s / self.dt))
-                for k, lag in enumerate(self.lags)
-            ]
+        if self._channels:
+            self._channels.reset(self._rates)
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
         """Fly `command` (N,) for n periods in `wind` (N, 3); returns positions (n, N, 3). NaN is refused."""
@@ -84,11 +122,12 @@ class KinematicFleet:
             raise ValueError(f"command and wind must be finite, got {command} in {wind}")
         asked = np.broadcast_to(command.array(), (self._vehicles, 3))
         track = np.empty((n, self._vehicles, 3))
-        if self.lags:
+        if self._channels:
             self._carry(wind)
         for k in range(n):
-            if self.lags:
-                flown = Command.of(self._lagged(asked))
+            if self._channels:
+                before, self._rates = self._rates, self._channels.advance(self._rates, asked)
+                flown = Command.of(0.5 * (before + self._rates))  # the mean rates flown over the period
             else:
                 self._rates = asked.copy()
                 flown = Command.of(asked)
@@ -109,18 +148,6 @@ class KinematicFleet:
         self._state = State(
             self._state.x, self._state.y, np.where(blown, theta + turned, theta), self._state.z
         )
-
-    def _lagged(self, asked: Array) -> Array:
-        """Advance the channels one period; returns the mean rates flown over it (N, 3)."""
-        before = self._rates.copy()
-        for k, (lag, late) in enumerate(zip(self.lags or (), self._late, strict=True)):
-            late.append(asked[:, k].copy())
-            target = late.popleft()
-            gap = target - before[:, k]
-            # Exact for a constant target; a pure rate limit when there is no lag.
-            move = gap * -math.expm1(-self.dt / lag.time_constant_s) if lag.time_constant_s > 0 else gap
-            self._rates[:, k] += np.clip(move, lag.rate_min * self.dt, lag.rate_max * self.dt)
-        return 0.5 * (before + self._rates)
 
     def state(self) -> State:
         """Poses (N,)."""

@@ -186,7 +186,7 @@ def _jsbsim(s: Scenario, wind: Array) -> Plant:
 def _lagged(s: Scenario, wind: Array) -> Plant:
     from aircraft.kinematic import KinematicFleet
 
-    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, remedies.lag_table(s), s.start.speed_mps, wind)
+    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, lags(s), s.start.speed_mps, wind)
 
 
 PLANTS = {"unicycle": _unicycle, "lagged": _lagged, "jsbsim": _jsbsim}
@@ -205,16 +205,10 @@ def disturbance(s: Scenario, rngs: dict[str, np.random.Generator]) -> Disturbanc
 
 
 def lags(s: Scenario) -> list[tuple[Lag, ...]]:
-    """Per vehicle or once for all, the lags of v, omega and zeta that a prediction may know."""
-    if s.plant != "jsbsim":
+    """Per vehicle or once for all, the lags of the channels: the lagged plant's, what a prediction knows."""
+    if s.lags.source == "table" and s.plant != "jsbsim":
         return [remedies.lag_table(s)]
-    known = []
-    for airframe in airframes(s):
-        if airframe.identified is None:
-            raise UserError(f"remedy.predict_lags: airframe {airframe.name} has no identified channels")
-        channels = airframe.identified
-        known.append(tuple(remedies.identified_lag(c) for c in (channels.v, channels.omega, channels.zeta)))
-    return known
+    return [remedies.identified_lags(airframe, s.lags.limits) for airframe in airframes(s)]
 
 
 def airframes(s: Scenario) -> list[Any]:
@@ -228,8 +222,8 @@ def airframes(s: Scenario) -> list[Any]:
 
 
 def airframe_hashes(s: Scenario) -> dict[str, str]:
-    """SHA-256 over every file of each airframe the scenario flies; empty on kinematic plants."""
-    if s.plant != "jsbsim":
+    """SHA-256 over every file of each airframe that the plant flies or knows the lags of."""
+    if s.plant != "jsbsim" and (s.plant != "lagged" or s.lags.source == "table"):
         return {}
     hashes = {}
     for airframe in airframes(s):

@@ -8,7 +8,7 @@ from math import radians
 
 import numpy as np
 
-from aircraft.airframe import Channel
+from aircraft.airframe import Airframe, Channel
 from aircraft.kinematic import Lag
 from filters.airmass import AirMass
 from filters.barrier import Barrier
@@ -77,22 +77,37 @@ def wrap(
 
 
 def lag_table(s: Scenario) -> tuple[Lag, Lag, Lag]:
-    """The lags of v, omega and zeta as the scenario's [lags] table says."""
+    """The lags of v, omega and zeta as the numbers of the scenario's [lags] table say."""
     t = s.lags
 
     def limit(most: float | None) -> float:
-        return math.inf if most is None else most
+        return math.inf if most is None or not t.limits else most
 
+    def constant(seconds: float | None, absent: float) -> float:
+        return absent if seconds is None else seconds
+
+    fall, rise = -limit(t.v_fall_max_mps2), limit(t.v_rise_max_mps2)
     turn = limit(t.omega_change_max_degps2) * radians(1)
     climb = limit(t.zeta_change_max_mps2)
     return (
-        Lag(t.v_time_constant_s, t.v_delay_s, -limit(t.v_fall_max_mps2), limit(t.v_rise_max_mps2)),
-        Lag(t.omega_time_constant_s, t.omega_delay_s, -turn, turn),
-        Lag(t.zeta_time_constant_s, t.zeta_delay_s, -climb, climb),
+        Lag(constant(t.v_time_constant_s, 1.0), t.v_delay_s, fall, rise),
+        Lag(constant(t.omega_time_constant_s, 0.35), t.omega_delay_s, -turn, turn),
+        Lag(constant(t.zeta_time_constant_s, 0.3), t.zeta_delay_s, -climb, climb),
     )
 
 
-def identified_lag(c: Channel) -> Lag:
-    """A channel identified on an airframe, as the lagged plant takes it."""
-    rise = math.inf if c.rate_max is None else c.rate_max
-    return Lag(c.time_constant_s, c.delay_s, -rise if c.rate_min is None else c.rate_min, rise)
+def identified_lags(airframe: Airframe, limits: bool = True) -> tuple[Lag, Lag, Lag]:
+    """The lags of v, omega and zeta identified on an airframe, with or without their rate limits."""
+    known = airframe.identified
+    if known is None:
+        raise UserError(
+            f"lags: airframe {airframe.name} has no identified channels; run"
+            f' python -m aircraft.identification {airframe.folder}, or set lags.source = "table"'
+        )
+
+    def lag(c: Channel) -> Lag:
+        rise = math.inf if c.rate_max is None or not limits else c.rate_max
+        fall = -rise if c.rate_min is None or not limits else c.rate_min
+        return Lag(c.time_constant_s, c.delay_s, fall, rise)
+
+    return lag(known.v), lag(known.omega), lag(known.zeta)

@@ -320,16 +320,30 @@ class Network(Section):
 class Lags(Section):
     """How the lagged plant follows its commands: per channel a delay, a first-order lag and a rate limit."""
 
-    v_time_constant_s: NonNegative = 1.0
+    source: Literal["airframe", "table"] = Field(
+        default="airframe",
+        description="airframe: what was identified on each vehicle's airframe; table: the numbers below",
+    )
+    limits: bool = Field(default=True, description="false: without the rate limits")
+    v_time_constant_s: NonNegative | None = Field(default=None, description="absent: 1")
     v_delay_s: NonNegative = 0.0
     v_rise_max_mps2: Positive | None = Field(default=None, description="absent: no limit")
     v_fall_max_mps2: Positive | None = Field(default=None, description="deceleration; absent: no limit")
-    omega_time_constant_s: NonNegative = 0.35
+    omega_time_constant_s: NonNegative | None = Field(default=None, description="absent: 0.35")
     omega_delay_s: NonNegative = 0.0
     omega_change_max_degps2: Positive | None = Field(default=None, description="absent: no limit")
-    zeta_time_constant_s: NonNegative = 0.3
+    zeta_time_constant_s: NonNegative | None = Field(default=None, description="absent: 0.3")
     zeta_delay_s: NonNegative = 0.0
     zeta_change_max_mps2: Positive | None = Field(default=None, description="absent: no limit")
+
+    @model_validator(mode="after")
+    def one_source(self) -> Lags:
+        for name, field in type(self).model_fields.items():
+            if name in ("source", "limits") or self.source == "table":
+                continue
+            if getattr(self, name) != field.default:
+                raise ValueError(f'{name}: the airframe says how it lags; set lags.source = "table" too')
+        return self
 
 
 Share = Annotated[float, Field(gt=0, le=1)]

@@ -71,3 +71,21 @@ def test_a_lag_that_makes_no_sense_is_refused():
             Lag(**bad)
     with pytest.raises(ValueError, match="three"):
         KinematicFleet(1, lags=(NONE,))
+    with pytest.raises(ValueError, match="3 vehicles need one or 3 triples of lags, got 2"):
+        KinematicFleet(3, lags=[(NONE,) * 3] * 2)
+
+
+def test_every_vehicle_has_its_own_lags_and_flies_as_it_would_alone():
+    quick, slow = (Lag(0.2), Lag(0.1, 0.02), NONE), (Lag(1.0, 0.1, -0.9, 4.0), Lag(0.4), Lag(0.3, 0.03))
+    fleet = KinematicFleet(2, lags=[quick, slow])
+    alone = [KinematicFleet(1, lags=lags) for lags in (quick, slow)]
+    fleet.reset(ORIGIN[[0, 0]], np.random.default_rng(0))
+    for plant in alone:
+        plant.reset(ORIGIN, np.random.default_rng(0))
+    for command in (Command([24.0], [0.2], [2.0]), Command([18.0], [-0.2], [0.0])):
+        tracks = [plant.step(command, CALM, 150) for plant in alone]
+        both = Command(*np.repeat(command.array(), 2, axis=0).T)
+        np.testing.assert_array_equal(
+            fleet.step(both, CALM.repeat(2, axis=0), 150), np.concatenate(tracks, axis=1)
+        )
+    assert fleet.achieved().v[0] < fleet.achieved().v[1]

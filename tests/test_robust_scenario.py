@@ -86,13 +86,15 @@ def test_remedies_wrap_in_the_stated_order() -> None:
 
 
 def test_predicted_lags_are_those_of_the_plant() -> None:
-    kinematic, judge = filter_of("plant=lagged", "remedy.predict_lags=true", "lags.omega_delay_s=0.1")
+    table = ("plant=lagged", "lags.source=table", "lags.omega_delay_s=0.1")
+    kinematic, judge = filter_of(*table, "remedy.predict_lags=true")
     assert isinstance(kinematic.pose, LaggedPose)
     np.testing.assert_array_equal(kinematic.pose.held.array(), judge.manoeuvre(2).array())
-    (v, omega, zeta), *_ = catalogue.lags(scenario("plant=lagged", "lags.omega_delay_s=0.1"))
+    (v, omega, zeta), *_ = catalogue.lags(scenario(*table))
     assert [c.time_constant_s for c in (v, omega, zeta)] == [1.0, 0.35, 0.3] and omega.delay_s == 0.1
     aircraft = catalogue.lags(scenario("plant=jsbsim"))
     assert len(aircraft) == 2 and aircraft[0][0].time_constant_s > 0
+    assert catalogue.lags(scenario("plant=lagged")) == aircraft
 
 
 def test_a_buffer_keeps_the_larger_distance_on_unicycles() -> None:

@@ -93,11 +93,14 @@ omega_allowed_radps = clip(omega_cmd_radps, -omega_max_radps, omega_max_radps)
 limited_omega = omega_allowed_radps != omega_cmd_radps
 
 == reference if on ==
-zeta_jerk_dot_mps4 = climb_filter_radps * (climb_filter_radps * (clip(climb_bandwidth_radps * (zeta_allowed_mps - zeta_ref_mps), -climb_push_mps2, min(climb_pull_mps2, 9.80665 * (load_max - 1))) - zeta_dot_ref_mps2) - 2 * climb_filter_damping * zeta_jerk_ref_mps3)
+# The references ask for no more pitch and roll acceleration than a given travel of elevator and aileron causes.
+zeta_jerk_dot_max_mps4 = -1 * climb_elevator_rad * lift_per_cl_mps2 * lift_per_cl_mps2 * airframe_cl_alpha * bank_cos / airframe_elevator_per_qdot_m
+zeta_jerk_dot_mps4 = clip(climb_filter_radps * (climb_filter_radps * (clip(climb_bandwidth_radps * (zeta_allowed_mps - zeta_ref_mps), -climb_push_mps2, min(climb_pull_mps2, 9.80665 * (load_max - 1))) - zeta_dot_ref_mps2) - 2 * climb_filter_damping * zeta_jerk_ref_mps3), -zeta_jerk_dot_max_mps4, zeta_jerk_dot_max_mps4)
 zeta_jerk_ref_mps3 = zeta_jerk_ref_mps3 + dt * zeta_jerk_dot_mps4
 zeta_dot_ref_mps2 = zeta_dot_ref_mps2 + dt * zeta_jerk_ref_mps3
 zeta_ref_mps = zeta_ref_mps + dt * zeta_dot_ref_mps2
-omega_ddot_ref_radps3 = turn_bandwidth_radps * (turn_bandwidth_radps * (omega_allowed_radps - omega_ref_radps) - 2 * turn_damping * omega_dot_ref_radps2)
+omega_ddot_max_radps3 = 9.80665 * turn_aileron_rad * airspeed_mps / (airframe_aileron_per_p_m * airframe_roll_lag_m)
+omega_ddot_ref_radps3 = clip(turn_bandwidth_radps * (turn_bandwidth_radps * (omega_allowed_radps - omega_ref_radps) - 2 * turn_damping * omega_dot_ref_radps2), -omega_ddot_max_radps3, omega_ddot_max_radps3)
 omega_dot_ref_radps2 = omega_dot_ref_radps2 + dt * omega_ddot_ref_radps3
 omega_ref_radps = omega_ref_radps + dt * omega_dot_ref_radps2
 # Acceleration: what thrust leaves after the climb, some always kept for speed, and airspeed limits above all.
@@ -144,10 +147,11 @@ roll_rate_radps = turn_bank_feedback_per_s * (bank_rad - roll_rad) - bank_cos * 
 # Angle of attack for the lift, elevator to trim it, to pitch along the path and to change it.
 lift_cl = lift_mps2 / (bank_cos * lift_per_cl_mps2)
 alpha_per_mps2 = 1 / (bank_cos * lift_per_cl_mps2 * airframe_cl_alpha)
-q_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3 + (lift_mps2 / bank_cos - 9.80665 * climb_cos * bank_cos) / airspeed_mps
+alpha_dot_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3
+q_ref_radps = alpha_dot_ref_radps + (lift_mps2 / bank_cos - 9.80665 * climb_cos * bank_cos) / airspeed_mps
 q_dot_ref_radps2 = alpha_per_mps2 * zeta_jerk_dot_mps4 + zeta_jerk_ref_mps3 / airspeed_mps
 alpha_ref_rad = clip((lift_cl - airframe_cl_0 - airframe_cl_q_m * q_ref_radps / airspeed_mps) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
-elevator_rad = clip(airframe_elevator_0_rad + airframe_elevator_per_alpha * (alpha_ref_rad + climb_servo_lead_s * alpha_per_mps2 * zeta_jerk_ref_mps3) + airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) / airspeed_mps + (airframe_elevator_per_qdot_m * q_dot_ref_radps2 - climb_alpha_feedback_mps2 * (alpha_ref_rad - alpha_rad) - climb_q_feedback_mps * (q_ref_radps - q_radps)) / lift_per_cl_mps2, -airframe_elevator_max_rad, airframe_elevator_max_rad)
+elevator_rad = clip(airframe_elevator_0_rad + (airframe_elevator_per_alpha + airframe_elevator_per_alpha2 * alpha_ref_rad) * alpha_ref_rad + climb_servo_lead_s * airframe_elevator_per_alpha * alpha_dot_ref_radps + (airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) + airframe_elevator_per_alphadot_m * alpha_dot_ref_radps) / airspeed_mps + (airframe_elevator_per_qdot_m * q_dot_ref_radps2 - climb_alpha_feedback_mps2 * (alpha_ref_rad - alpha_rad) - climb_q_feedback_mps * (q_ref_radps - q_radps)) / lift_per_cl_mps2, -airframe_elevator_max_rad, airframe_elevator_max_rad)
 # Where pitch and roll share surfaces, pitch comes first: roll gets the travel that the elevator leaves.
 aileron_max_rad = min(airframe_aileron_max_rad, airframe_shared_max_rad - abs(elevator_rad))
 aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -aileron_max_rad, aileron_max_rad)
