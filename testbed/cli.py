@@ -116,7 +116,7 @@ def compare(
 def figures(
     out: Annotated[Path, typer.Option("--out", help="folder to write")],
     plant: Annotated[str, typer.Option("--plant", help="unicycle or jsbsim")] = "unicycle",
-    kink: Annotated[bool, typer.Option("--kink", help="the kink study instead (most of an hour)")] = False,
+    kink: Annotated[bool, typer.Option("--kink", help="the kink study instead (some minutes)")] = False,
     onset: Annotated[bool, typer.Option("--onset", help="when overriding begins, instead")] = False,
     seeds: Annotated[int, typer.Option("--seeds", help="headings of the kink study")] = 20,
     workers: Annotated[int | None, typer.Option("--workers", help="processes; default one a core")] = None,

@@ -29,10 +29,13 @@ def test_the_cases_are_every_barrier_period_and_seed() -> None:
         assert s.start.heading_perturbation_deg == 5.0 and s.duration_s == 20.0
         expected = (0.01, 0.0) if case.barrier == "paper" else (0.0, 30.0)
         assert (s.barrier.delta_m2, s.barrier.smoothing_m2) == expected
-    for case in kink.crowded():
+    crowd = kink.crowded(20)
+    assert [(c.barrier, c.heading_deg) for c in crowd[:2]] == [("paper", 0.0), ("smoothed", 0.0)]
+    assert len(crowd) == 2 + 2 * 3 and all(c.heading_deg == 1e-6 for c in crowd[2:])
+    for case in crowd:
         s = case.scenario()
         assert (s.vehicles, s.filter.kind, s.start.radius_m) == (50, "centralised", 200.0)
-        assert s.start.heading_perturbation_deg == 0.0 and s.rates.filter_dt_s == 0.005
+        assert s.start.heading_perturbation_deg <= 1e-6 and s.rates.filter_dt_s == 0.005
 
 
 def test_a_seed_starts_both_barriers_alike_at_every_period() -> None:
@@ -98,6 +101,7 @@ def test_the_summary_counts_runs_that_lost_ds_or_h() -> None:
     rows = pd.DataFrame(
         {
             "vehicles": 20,
+            "heading_deg": 5.0,
             "barrier": ["paper", "paper", "smoothed"],
             "dt_s": 0.01,
             "seed": [1, 2, 1],
@@ -148,8 +152,8 @@ def test_the_study_writes_its_table_and_figures(tmp_path: Path) -> None:
     assert len(table) == 6 and not table.duplicated(["barrier", "dt_s", "seed"]).any()
     named = {"min_distance_m", "min_distance_at_s", "i", "j", "min_h_m", "min_h_at_s", "infeasible"}
     assert named <= set(table.columns)
-    assert list(pd.read_csv(out / "kink-50.csv").vehicles) == [50, 50]
-    assert len(book.tables["the kink"]) == 8
+    assert list(pd.read_csv(out / "kink-50.csv").vehicles) == [50] * 4
+    assert len(book.tables["the kink"]) == 6 + 4
     for name in ("kink-mechanism", "kink-seeds"):
         for kind in ("png", "pdf"):
             assert (out / f"{name}.{kind}").stat().st_size > 10_000

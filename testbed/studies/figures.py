@@ -142,7 +142,7 @@ def _kink(
 ) -> None:
     from testbed.report import study_figures
 
-    cases, crowd = kink.perturbed(seeds, overrides), kink.crowded(overrides)
+    cases, crowd = kink.perturbed(seeds, overrides), kink.crowded(seeds, overrides)
     rows = kink.study([*crowd, *cases], out, workers)
     table = rows.iloc[len(crowd) :].reset_index(drop=True)
     book.files += ["kink.csv", "kink-50.csv"]

@@ -60,7 +60,13 @@ def fly_all(
 def notebook(out: Path, name: str) -> Iterator[Notebook]:
     """Rows that outlive an interruption, in a hidden file beside `out`; gone once the block ends well."""
     book = Notebook(out.parent / f".{out.name}.{name}-{_fingerprint()}.jsonl")
-    yield book
+    try:
+        yield book
+    except BaseException:
+        print(
+            f"{len(book.rows)} finished runs are kept; the same command goes on from there", file=sys.stderr
+        )
+        raise
     book.file.unlink(missing_ok=True)
 
 
