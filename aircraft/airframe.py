@@ -59,6 +59,10 @@ class Airframe(_Strict):
     surfaces: dict[str, str] = Field(description="telemetry name -> JSBSim property, rad")
     gains: dict[str, dict[str, Finite]]
     identified: Identified | None = None
+    step_factor: Positive = Field(1.0, description="of the step specification's bounds, for this airframe")
+    stated: dict[str, Finite] = Field(
+        default={}, description="what the sources say, for `testbed aircraft check`: jxz_kgm2, mass_kg, ..."
+    )
     folder: Path = Field(exclude=True)
 
     @property
