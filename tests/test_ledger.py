@@ -38,7 +38,7 @@ def lagged() -> Run:
         "lags.zeta_time_constant_s=0",
         "nominal.controller=manoeuvre",
         "filter.kind=none",
-        "speed_mps=16",
+        "start.speed_mps=16",
         "course_offset_deg=10",
         "duration_s=3",
     ]
