@@ -93,11 +93,16 @@ def names() -> list[str]:
 
 
 def load(name_or_folder: str | Path) -> Airframe:
-    """An airframe by name (`x8`) or by the path of its folder.
+    """An airframe by name (`x8`), by the path of its folder, or of a gains file, which names its base.
 
     Raises  FileNotFoundError naming what is missing, ValueError naming the file and the field that is wrong.
     """
     folder = Path(name_or_folder)
+    if folder.suffix == ".toml":
+        from aircraft.gains import read
+
+        changed = read(folder)
+        return changed.model_copy(update={"name": f"{changed.name}+{folder.stem}"})
     if isinstance(name_or_folder, str) and name_or_folder in names():
         folder = AIRFRAMES / name_or_folder
     path = folder / "airframe.toml"

@@ -139,7 +139,7 @@ def compare(airframe: Airframe, v: float, loop: str) -> Loop:
 def geometry(airframe: Airframe) -> dict[str, float]:
     """Sizes, mass and inertia as JSBSim has loaded them; inertia about the centre of gravity, body axes.
 
-    Jxz has the sign of the equations of motion, the integral of x z over the mass; JSBSim's property has the other.
+    Jxz is the integral of x z over the mass, as in the equations of motion; JSBSim's property is minus that.
     """
     fdm = Fdm(airframe, 0.005, Origin())
     fdm.trim(Start(0.0, 0.0, 0.0, 0.0, airframe.speeds.start_mps))

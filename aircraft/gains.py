@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import ast
+import difflib
+import json
+import math
+import re
+import tomllib
+from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 
-from aircraft.airframe import Airframe
+from aircraft.airframe import Airframe, load
 from aircraft.autopilot import EQUATIONS, Equations, parse
+
+_UNIT = r"(_(radps|per_s2?|s|mps2?|rad|m|kg))?"
 
 
 @cache
@@ -40,3 +49,72 @@ def gain_faults(airframe: Airframe) -> list[str]:
                 least = "positive" if time else "zero or more"
                 faults.append(f"{section}.{name}: must be {least}, got {value:g}")
     return faults
+
+
+def read(path: Path, airframe: Airframe | None = None) -> Airframe:
+    """The airframe that a gains file stands for: its base with the gains of the file.
+
+    airframe  the base, in place of the one the file names; the names must agree
+    Raises    FileNotFoundError, or ValueError naming the file and what is wrong with it
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"gains file {path} does not exist")
+    try:
+        said = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    name, gains = said.get("base"), said.get("gains")
+    if not isinstance(name, str) or not isinstance(gains, dict):
+        raise ValueError(f'{path}: a gains file needs base = "NAME" and tables [gains.SECTION]')
+    base = airframe or load(name)
+    if base.name != load(name).name:
+        raise ValueError(f"{path}: gains of {name}, not of {base.name}")
+    changes: dict[str, float] = {}
+    for section, values in gains.items():
+        for gain, value in values.items() if isinstance(values, dict) else ():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise ValueError(f"{path}: gains.{section}.{gain}: must be a finite number, got {value}")
+            changes[f"{section}.{gain}"] = float(value)
+    try:
+        changed = base.with_gains(changes)
+    except KeyError as error:
+        raise ValueError(f"{path}: {error.args[0]}") from None
+    if faults := gain_faults(changed):
+        raise ValueError(f"{path}: gains.{faults[0]}")
+    return changed
+
+
+def write(path: Path, base: str, gains: Mapping[str, float], provenance: Mapping[str, str]) -> None:
+    """A gains file: `gains` by section.name on top of airframe `base`, and where they come from.
+
+    Equal inputs give equal bytes; no date.
+    """
+    lines = [
+        "# Gains on top of those of an airframe; fly them with --gains FILE, or as a scenario's airframe."
+    ]
+    lines += [f"base = {json.dumps(base)}", "", "[provenance]"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in provenance.items()]
+    sections: dict[str, list[str]] = {}
+    for key, value in gains.items():
+        section, _, name = key.partition(".")
+        sections.setdefault(section, []).append(f"{name} = {value!r}")
+    for section, rows in sections.items():
+        lines += ["", f"[gains.{section}]", *rows]
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def resolve(airframe: Airframe, name: str) -> str:
+    """The full section.name of a gain, of which any unambiguous beginning is enough: turn.band.
+
+    Raises  ValueError naming the gains it could be
+    """
+    known = [f"{s}.{n}" for s, names in airframe.gains.items() for n in names]
+    if name in known:
+        return name
+    # turn.damping is that gain even where turn.damping_limit exists; a unit may always be left out
+    found = [k for k in known if name and k.startswith(name)]
+    exact = [k for k in found if re.fullmatch(re.escape(name) + _UNIT, k)]
+    if len(found) == 1 or len(exact) == 1:
+        return (exact or found)[0]
+    near = found or difflib.get_close_matches(name, known, 3) or known
+    raise ValueError(f"{airframe.name} has no gain {name}; there are {', '.join(near)}")

@@ -18,8 +18,8 @@ from aircraft.lint_rules import RULES
 
 FLIGHT_LIMIT_S = 120.0
 NOT_SEEN = (
-    "A wrong number that is still plausible: compare each with its source; [stated] in airframe.toml does it"
-    " for mass and inertia, the sign of Jxz included.",
+    "a wrong number that is still plausible; compare each with its source, and let [stated] in airframe.toml"
+    " guard mass and inertia, the sign of Jxz included"
 )
 
 

@@ -93,6 +93,8 @@ STEPS: tuple[Step, ...] = (
     Step("dive", 16.0, (16.0, 0.0, -3.9), {"v_above": 25.0, "v_below": 15.0, "limited_zeta": 1.0}, 20.0),
 )
 AT_LEAST = ("v_below", "limited_zeta", *MARGINS)
+# What no airframe is let off: the rest is wider by its step_factor.
+ABSOLUTE = ("crossings", "v_above", *AT_LEAST)
 GROUPS = ("turn", "speed", "climb", "all", "dive", "margins", "turbulence")
 
 
@@ -100,10 +102,10 @@ def flown(airframe: Airframe, step: Step) -> tuple[Flight, list[Row]]:
     """Fly a step and score it."""
     f = fly(airframe, step.start, step.command, step.duration, telemetry=["limited_zeta"])
     found = _quantities(step, f)
-    rows = [
-        Row(step.group, step.title, name, found[name], bound, name not in AT_LEAST)
-        for name, bound in step.targets.items()
-    ]
+    rows = []
+    for name, bound in step.targets.items():
+        scale = 1.0 if name in ABSOLUTE else airframe.step_factor
+        rows.append(Row(step.group, step.title, name, found[name], scale * bound, name not in AT_LEAST))
     return f, rows
 
 
@@ -153,16 +155,16 @@ def turbulence_rows(airframe: Airframe, v: float = 18.0, seed: int = 1) -> list[
     fdm = Fdm(airframe, 0.005, Origin())
     fdm.start(Start(0.0, 0.0, 0.0, 0.0, v))
     fdm.turbulence(_TURBULENCE_W20_MPS, 4, seed)
-    inputs = [fdm.node(path) for name, path in loops(airframe).items() if name != "throttle"]
+    names = [name for name in loops(airframe) if name != "throttle"]
+    inputs = [fdm.node(loops(airframe)[name]) for name in names]
+    shared = [fdm.node(loops(airframe)[name]) for name in ("elevator", "aileron")] if _mixed(airframe) else []
     moves, largest = [], 0.0
     for _ in range(round(_TURBULENCE_S / 0.005)):
         fdm.run((0.0, 0.0, 0.0), 1)
         moves.append(fdm.motion())
-        # Two inputs may share a surface: their sum is what it is asked for.
-        together = sum(abs(n.get_double_value()) for n in inputs[:2])
-        largest = max(
-            largest, *(abs(n.get_double_value()) for n in inputs), together if _mixed(airframe) else 0.0
-        )
+        # Elevons carry the sum of two inputs.
+        asked = [abs(n.get_double_value()) for n in inputs]
+        largest = max(largest, *asked, sum(abs(n.get_double_value()) for n in shared))
     _, rates = motions(moves, fdm.origin)
     rms = np.sqrt(np.mean((rates - [v, 0.0, 0.0]) ** 2, axis=0))
     case = f"moderate turbulence, {_TURBULENCE_S:g} s at {v:g} m/s"

@@ -279,6 +279,16 @@ def _print(table: object) -> None:
     Console().print(table)
 
 
+def _others() -> None:
+    """Commands that live beside this module."""
+    from testbed import cli_aircraft
+
+    app.add_typer(cli_aircraft.app, name="aircraft")
+
+
+_others()
+
+
 def main() -> None:
     """Entry point of the `testbed` command."""
     try:

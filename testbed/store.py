@@ -30,6 +30,8 @@ MARKS = (
     "remedies.json",
     "margin.json",
     "answer.json",
+    "datasheet.json",
+    "tune.json",
 )
 
 
