@@ -28,6 +28,9 @@ def catalogue(s: Scenario) -> dict[str, Fields]:
         "remedy.robust_zeta_mps": 0.3,
     }
 
+    # The paper's remark: a linear alpha with a small coefficient overrides earlier.
+    gentle: Fields = {"alpha.kind": "linear", "alpha.coefficient": 0.3}
+
     def buffer(metres: float) -> Fields:
         return {"remedy.ds_buffer_m": metres}
 
@@ -47,11 +50,14 @@ def catalogue(s: Scenario) -> dict[str, Fields]:
         "prediction 0.45 s, buffer 0.5 m": prediction | buffer(0.5),
         "lags, buffer 0.5 m": lags | buffer(0.5),
         "lags, buffer 1 m": lags | buffer(1.0),
+        "alpha linear 0.3": gentle,
+        "lags, buffer 1 m, alpha 0.3": lags | buffer(1.0) | gentle,
     }
     if smooth:
         made["smoothed"] = smooth
         made["prediction 0.45 s, smoothed"] = prediction | smooth
-        made["lags, buffer 1 m, smoothed"] = lags | buffer(1.0) | smooth
+        made["lags, buffer 3 m, smoothed"] = lags | buffer(3.0) | smooth
+        made["lags, 1 m, smoothed, alpha 0.3"] = lags | buffer(1.0) | smooth | gentle
     if s.wind.speed_mps:
         made["lags, buffer 1 m, air mass"] = lags | buffer(1.0) | {"remedy.air_mass": True}
     return made

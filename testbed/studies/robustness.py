@@ -157,7 +157,7 @@ def answer(
             "lost": f"{r.lost}/{r.runs}",
             "95 % CI": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
             "least [m]": round(r.least_distance_m, 2),
-            "median [m]": round(r.median_distance_m, 2),
+            "arrived": f"{r.arrived}/{r.runs}",
         }
         for r in table.itertuples()
     ]
