@@ -16,7 +16,6 @@ from testbed.report import paper_figures
 from testbed.scenario import load
 from testbed.simulate import run
 from testbed.studies import reproduction
-from testbed.studies.figures import make
 
 
 def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
@@ -80,7 +79,7 @@ def test_the_command_draws_all_figures_and_prints_the_errors(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "figures"
-    asked = ("figures", "--out", out, "--workers", 1, "--set", "duration_s=0.1")
+    asked = ("figures", "--out", out, "--workers", 1, "--set", "duration_s=0.05")
     assert call(monkeypatch, *asked, "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     assert {f.split(".")[0] for f in answer["files"] if f.endswith(".png")} >= {"fig2", "fig3", "fig6"}
@@ -117,10 +116,9 @@ def test_a_mistake_is_one_line_and_nothing_is_written(
 
 
 @pytest.mark.slow
-def test_the_aircraft_flies_the_same_figures(tmp_path: Path) -> None:
-    book = make(tmp_path / "f", plant="jsbsim", overrides=["duration_s=0.1"], workers=1)
-    assert {"fig2.png", "fig3.pdf", "fig6c-distance.png", "separation.csv"} <= set(book.files)
-    # errors against the published vertices are about the unicycle
-    assert "reproduction.csv" not in book.files
-    runs = tmp_path / "f" / "runs" / "published-2-turn" / "manifest.json"
-    assert json.loads(runs.read_text())["scenario"]["plant"] == "jsbsim"
+def test_the_aircraft_draws_the_same_panels(tmp_path: Path) -> None:
+    figure = paper_figures.FIGURES[1]
+    short = ["plant=jsbsim", "duration_s=0.05"]
+    runs = {series: run(load(name, short)) for series, name in figure.scenarios.items()}
+    files = paper_figures.draw(figure, runs, tmp_path)
+    assert {f.name for f in files} >= {"fig3.png", "fig3a-climb-rate.pdf", "fig3b-climb-rate-zoom.png"}

@@ -112,9 +112,9 @@ def test_the_summary_counts_runs_that_lost_ds_or_h() -> None:
         }
     )
     paper, smoothed = kink.summary(rows, 5.0).to_dict("records")
-    assert (paper["runs"], paper["below_ds"], paper["outside"], paper["infeasible"]) == (2, 1, 2, 3)
-    assert (paper["least_distance_m"], paper["least_h_m"]) == (4.9, -0.2)
-    assert (smoothed["below_ds"], smoothed["outside"]) == (0, 0)
+    assert (paper["runs"], paper["below_ds"], paper["below_h0"], paper["no_solution"]) == (2, 1, 2, 3)
+    assert (paper["least_m"], paper["least_h_m"]) == (4.9, -0.2)
+    assert (smoothed["below_ds"], smoothed["below_h0"]) == (0, 0)
     cases = [kink.Case(b, 0.01, s) for b, s in (("paper", 1), ("paper", 2), ("smoothed", 1))]
     assert kink.worst(rows, cases, 5.0) == cases[0]
 

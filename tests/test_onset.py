@@ -44,16 +44,16 @@ def test_a_small_linear_coefficient_overrides_before_the_cubic() -> None:
 
 
 def test_the_navigation_function_unseen_by_others_is_no_override() -> None:
-    blind = onset.measure(onset.Case("navigation", 2, ("duration_s=0.3", "sensing_range_m=1e-9")))
+    blind = onset.measure(onset.Case("navigation", 2, ("duration_s=0.1", "sensing_range_m=1e-9")))
     assert np.isnan(blind.override).all() and np.isnan(blind.turn).all()
-    seeing = onset.measure(onset.Case("navigation", 2, ("duration_s=0.3", "sensing_range_m=500")))
+    seeing = onset.measure(onset.Case("navigation", 2, ("duration_s=0.1", "sensing_range_m=500")))
     assert np.all(seeing.override == 0.0)
 
 
 @pytest.mark.slow
 def test_the_command_writes_the_table_and_the_plot(tmp_path: Path) -> None:
     out = tmp_path / "onset"
-    make(out, ["onset"], overrides=["duration_s=0.2"], workers=1)
+    make(out, ["onset"], overrides=["duration_s=0.02"], workers=1)
     table = pd.read_csv(out / "onset.csv")
     assert len(table) == 10 and set(table.vehicles) == {2, 20}
     at_once = table[table.law == "linear 0.1"]

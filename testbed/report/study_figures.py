@@ -9,7 +9,7 @@ import numpy as np
 
 from testbed.report.style import BLACK, BLUE, COLUMN, ORANGE, PAGE, drawing, limits, save, separation, style
 from testbed.studies.kink import Look, over_heading
-from testbed.studies.onset import TURN_DEGPS, Onset
+from testbed.studies.onset import LATERAL_M, TURN_DEGPS, Onset, least
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,8 +17,11 @@ if TYPE_CHECKING:
 
 # Vehicles abreast, far enough apart for both barriers to hold at equal headings (the smoothed needs 7.4 m).
 ABREAST_M = 9.0
-# Seconds shown before and after h begins to lose against its promise, by more than LOSS_M.
-BEFORE_S, AFTER_S, LOSS_M = 0.2, 0.7, 0.2
+# Until when turn rates are drawn: by then the vehicles have met in the middle.
+CROSSING_S = 9.0
+# What counts as h losing against its promise [m]; shown from before that moment, in s and, closer, in steps.
+LOSS_M = 0.2
+DRAIN_S, CHATTER_STEPS = (0.2, 0.7), (15, 35)
 
 
 def kink(table: pd.DataFrame, seen: Look, d_safe: float, folder: Path) -> list[Path]:
@@ -52,15 +55,19 @@ def _shape(axes: Axes, seen: Look) -> None:
     axes.set(xlabel="difference of headings [deg]", ylabel="h [m]")
 
 
-def _window(seen: Look) -> np.ndarray:
+def _window(seen: Look, before_s: float, after_s: float) -> np.ndarray:
     """The steps around the moment h begins to lose; where it never does, around the smallest h."""
     lost = seen.lost_m() > LOSS_M
     begin = seen.t_s[np.argmax(lost) if lost.any() else np.argmin(seen.h_m)]
-    return np.flatnonzero((seen.t_s >= begin - BEFORE_S) & (seen.t_s <= begin + AFTER_S))
+    return np.flatnonzero((seen.t_s >= begin - before_s) & (seen.t_s <= begin + after_s))
+
+
+def _few_steps(seen: Look) -> np.ndarray:
+    return _window(seen, *(n * seen.case.dt_s for n in CHATTER_STEPS))
 
 
 def _chatter(axes: Axes, seen: Look) -> None:
-    w = _window(seen)
+    w = _few_steps(seen)
     for k, (vehicle, colour) in enumerate(((seen.i, BLUE), (seen.j, ORANGE))):
         axes.step(
             seen.t_s[w],
@@ -74,14 +81,14 @@ def _chatter(axes: Axes, seen: Look) -> None:
 
 
 def _heading(axes: Axes, seen: Look) -> None:
-    w = _window(seen)
+    w = _few_steps(seen)
     axes.plot(seen.t_s[w], seen.relative_deg[w], ".-", color=BLACK, markersize=2, linewidth=0.6)
     limits(axes, 0.0)
     axes.set(xlabel="time [s]", ylabel="difference of headings [deg]")
 
 
 def _drain(axes: Axes, seen: Look) -> None:
-    w = _window(seen)
+    w = _window(seen, *DRAIN_S)
     t, h = seen.t_s[w], seen.h_m[w]
     lost = seen.lost_m()[w]
     axes.plot(t, h + (lost - lost[0]), label="promised", **style("smoothed"))
@@ -114,28 +121,37 @@ def _seeds(axes: Axes, table: pd.DataFrame, d_safe: float) -> None:
 
 
 def onset(onsets: list[Onset], folder: Path) -> list[Path]:
-    """`onset`: for each number of vehicles, how many turn by when, and vehicle 1's turn rate."""
+    """`onset`: for each number of vehicles when evasion begins, and vehicle 1's turn rate till they meet."""
     counts = sorted({o.case.vehicles for o in onsets})
     with drawing() as plt:
-        sheet, grid = plt.subplots(
-            2, len(counts), figsize=(PAGE, 4.6), sharex=True, squeeze=False, layout="constrained"
-        )
+        sheet, grid = plt.subplots(2, len(counts), figsize=(PAGE, 4.6), squeeze=False, layout="constrained")
         for column, n in zip(grid.T, counts, strict=True):
-            for o in (o for o in onsets if o.case.vehicles == n):
-                times = np.sort(o.turn[~np.isnan(o.turn)])
-                share = 100.0 * np.arange(1, times.size + 1) / n
-                column[0].step(
-                    np.concatenate([[0.0], times, [o.t_s[-1]]]),
-                    np.concatenate([[0.0], share, share[-1:] if share.size else [0.0]]),
-                    where="post",
-                    label=o.case.law,
-                    **style(o.case.law),
-                )
-                column[1].plot(o.t_s, o.omega_degps, label=o.case.law, **style(o.case.law))
+            some = [o for o in onsets if o.case.vehicles == n]
+            _begins(column[0], some)
             column[0].set_title(f"{n} vehicles", loc="left", fontsize=8)
-            column[0].set_ylabel(f"turning by more than {TURN_DEGPS:g} deg/s [%]")
-            column[1].set(xlabel="time [s]", ylabel="turn rate of vehicle 1 [deg/s]")
-            omega_max = onsets[0].case.scenario().limits.omega_max_degps
+            for o in some:
+                shown = o.t_s <= CROSSING_S
+                column[1].plot(o.t_s[shown], o.omega_degps[shown], label=o.case.law, **style(o.case.law))
+            omega_max = some[0].case.scenario().limits.omega_max_degps
             limits(column[1], -omega_max, omega_max)
+            column[1].set(xlabel="time [s]", ylabel="turn rate of vehicle 1 [deg/s]")
         grid[0, 0].legend(loc="best")
+        grid[1, 0].legend(loc="lower left", ncols=2)
         return save(sheet, folder, "onset")
+
+
+def _begins(axes: Axes, onsets: list[Onset]) -> None:
+    """A row per law: when the first vehicle is overridden, turns, and leaves its line."""
+    marks = (
+        ("o", "overridden"),
+        ("^", f"turns by {TURN_DEGPS:g} deg/s"),
+        ("s", f"{LATERAL_M:g} m off its line"),
+    )
+    for row, o in enumerate(onsets):
+        colour = style(o.case.law)["color"]
+        for (mark, label), times in zip(marks, (o.override, o.turn, o.lateral), strict=True):
+            axes.plot(least(times), row, mark, color=colour, markersize=5, markerfacecolor="none")
+            if row == 0:
+                axes.plot([], [], mark, color="0.3", markersize=5, markerfacecolor="none", label=label)
+    axes.set_yticks(range(len(onsets)), [o.case.law for o in onsets])
+    axes.set(xlabel="first time of any vehicle [s]", xlim=(-0.3, CROSSING_S), ylim=(len(onsets) - 0.5, -0.5))

@@ -102,7 +102,7 @@ def _paper(book: Book, folder: Path, plant: str, overrides: Sequence[str], worke
         book.files += [f.name for f in paper_figures.draw(figure, series, folder)]
         if figure.name == "fig2" and plant == "unicycle":
             rows = reproduction.table(series)
-            _write(book, folder, "reproduction", "errors at the published vertices", rows)
+            _write(book, folder, "reproduction", "errors at the published vertices", rows, ("mean_error",))
     _write(
         book,
         folder,
@@ -133,7 +133,8 @@ def _onset(book: Book, folder: Path, overrides: tuple[str, ...], workers: int | 
     from testbed.report import study_figures
 
     onsets = onset.study(overrides, workers)
-    _write(book, folder, "onset", "when overriding begins", onset.table(onsets))
+    medians = tuple(f"median_{name}_s" for name in ("override", "turn_1degps", "lateral_1m"))
+    _write(book, folder, "onset", "when overriding begins", onset.table(onsets), medians)
     book.files += [f.name for f in study_figures.onset(onsets, folder)]
 
 
@@ -146,21 +147,34 @@ def _kink(
     rows = kink.study([*crowd, *cases], out, workers)
     table = rows.iloc[len(crowd) :].reset_index(drop=True)
     book.files += ["kink.csv", "kink-50.csv"]
-    table.to_csv(folder / "kink.csv", index=False)
-    rows.iloc[: len(crowd)].to_csv(folder / "kink-50.csv", index=False)
+    table.to_csv(folder / "kink.csv", index=False, float_format="%.9g")
+    rows.iloc[: len(crowd)].to_csv(folder / "kink-50.csv", index=False, float_format="%.9g")
     d_safe = cases[0].scenario().d_safe_m
-    _write(book, folder, "kink-summary", "the kink", kink.summary(rows, d_safe))
+    _write(
+        book,
+        folder,
+        "kink-summary",
+        "the kink",
+        kink.summary(rows, d_safe),
+        ("worst_qp_residual", "median_m"),
+    )
     seen = kink.look(kink.worst(table, cases, d_safe))
     book.files += [f.name for f in study_figures.kink(table, seen, d_safe, folder)]
 
 
 def _write(
-    book: Book, folder: Path, name: str, title: str, rows: list[dict[str, Any]] | pd.DataFrame
+    book: Book,
+    folder: Path,
+    name: str,
+    title: str,
+    rows: list[dict[str, Any]] | pd.DataFrame,
+    unseen: tuple[str, ...] = (),
 ) -> None:
-    """One table as NAME.csv, and for printing."""
+    """One table as NAME.csv, and for printing, without the columns `unseen`."""
     import pandas as pd
 
     table = pd.DataFrame(rows)
-    table.to_csv(folder / f"{name}.csv", index=False)
+    table.to_csv(folder / f"{name}.csv", index=False, float_format="%.9g")
     book.files.append(f"{name}.csv")
-    book.tables[title] = table.to_dict("records")
+    # A terminal has 80 columns; the file has them all.
+    book.tables[title] = table.drop(columns=[c for c in unseen if c in table]).to_dict("records")

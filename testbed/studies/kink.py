@@ -127,11 +127,11 @@ def summary(table: pd.DataFrame, d_safe: float) -> pd.DataFrame:
     return groups.agg(
         runs=("seed", "size"),
         below_ds=("min_distance_m", lambda d: int((d < d_safe).sum())),
-        outside=("min_h_m", lambda h: int((h < 0).sum())),
-        least_distance_m=("min_distance_m", "min"),
-        median_distance_m=("min_distance_m", "median"),
+        below_h0=("min_h_m", lambda h: int((h < 0).sum())),
+        least_m=("min_distance_m", "min"),
+        median_m=("min_distance_m", "median"),
         least_h_m=("min_h_m", "min"),
-        infeasible=("infeasible", "sum"),
+        no_solution=("infeasible", "sum"),
         worst_qp_residual=("worst_qp_residual", "max"),
     ).reset_index()
 

@@ -136,11 +136,11 @@ def study(overrides: tuple[str, ...] = (), workers: int | None = None) -> list[O
         measure,
         cases(overrides),
         workers,
-        lambda c, o: f"{c.law}, {c.vehicles} vehicles: first overridden at {_least(o.override):.3f} s",
+        lambda c, o: f"{c.law}, {c.vehicles} vehicles: first overridden at {least(o.override):.3f} s",
     )
 
 
-def _least(times: np.ndarray) -> float:
+def least(times: np.ndarray) -> float:
     return float(np.nanmin(times)) if not np.isnan(times).all() else float("nan")
 
 
@@ -153,7 +153,7 @@ def table(onsets: list[Onset]) -> pd.DataFrame:
         entry: dict[str, Any] = {"vehicles": o.case.vehicles, "law": o.case.law}
         for name, times in (("override", o.override), ("turn_1degps", o.turn), ("lateral_1m", o.lateral)):
             seen = times[~np.isnan(times)]
-            entry[f"first_{name}_s"] = _least(times)
+            entry[f"first_{name}_s"] = least(times)
             entry[f"median_{name}_s"] = float(np.median(seen)) if seen.size else float("nan")
         rows.append(entry | {"min_distance_m": o.least_distance_m})
     return pd.DataFrame(rows)
