@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import tomllib
 from pathlib import Path
 from typing import Annotated
@@ -73,6 +74,14 @@ class Airframe(_Strict):
     def gain_values(self) -> dict[str, float]:
         """section_name -> value, as the autopilot's equations name them."""
         return {f"{s}_{n}": v for s, names in self.gains.items() for n, v in names.items()}
+
+    def fingerprint(self) -> str:
+        """SHA-256 over every file of the folder and the gains it is flown with."""
+        digest = hashlib.sha256()
+        for file in sorted(p for p in self.folder.rglob("*") if p.is_file()):
+            digest.update(str(file.relative_to(self.folder)).encode() + b"\0" + file.read_bytes())
+        digest.update(repr(sorted(self.gain_values().items())).encode())
+        return digest.hexdigest()
 
     def with_gains(self, changes: dict[str, float]) -> Airframe:
         """A copy with some gains changed, {"turn.damping": 0.9}. Raises KeyError on an unknown gain."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 from importlib import metadata
 from math import radians
@@ -222,16 +221,10 @@ def airframes(s: Scenario) -> list[Any]:
 
 
 def airframe_hashes(s: Scenario) -> dict[str, str]:
-    """SHA-256 over every file of each airframe that the plant flies or knows the lags of."""
+    """The files and gains of each airframe that the plant flies or knows the lags of, as SHA-256."""
     if s.plant != "jsbsim" and (s.plant != "lagged" or s.lags.source == "table"):
         return {}
-    hashes = {}
-    for airframe in airframes(s):
-        digest = hashlib.sha256()
-        for file in sorted(p for p in airframe.folder.rglob("*") if p.is_file()):
-            digest.update(str(file.relative_to(airframe.folder)).encode() + b"\0" + file.read_bytes())
-        hashes[airframe.name] = digest.hexdigest()
-    return hashes
+    return {airframe.name: airframe.fingerprint() for airframe in airframes(s)}
 
 
 def versions() -> dict[str, str]:
