@@ -284,6 +284,7 @@ def _others() -> None:
     from testbed import cli_aircraft
 
     app.add_typer(cli_aircraft.app, name="aircraft")
+    app.command("tune", epilog=cli_aircraft.TUNE_EXAMPLES)(cli_aircraft.tune)
 
 
 _others()

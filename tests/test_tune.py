@@ -1,0 +1,244 @@
+"""`testbed tune`: gains files, sweeps with a scenario in the loop, optimisation, and mistakes in one line."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aircraft import gains
+from aircraft.airframe import Airframe, load
+from aircraft.specification import Row, evaluate
+from testbed import cli
+from testbed.errors import UserError
+from testbed.studies import optimising, tuning
+from testbed.studies.optimising import Search, cost, search
+from testbed.studies.tuning import Sweep
+
+
+@pytest.fixture(scope="module")
+def x8() -> Airframe:
+    return load("x8")
+
+
+@pytest.fixture
+def detuned(tmp_path: Path) -> Path:
+    """Gains with which the X8 overshoots its turns."""
+    gains.write(tmp_path / "detuned.toml", "x8", {"turn.damping": 0.8}, {"command": "by hand"})
+    return tmp_path / "detuned.toml"
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["testbed", *map(str, arguments)])
+    try:
+        cli.main()
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
+# -- gains files
+
+
+def test_a_gains_file_stands_for_an_airframe(x8: Airframe, detuned: Path) -> None:
+    changed = load(detuned)
+    assert changed.name == "x8+detuned" and changed.folder == x8.folder
+    assert changed.gains["turn"]["damping"] == 0.8 and changed.gains["climb"] == x8.gains["climb"]
+    assert changed.fingerprint() != x8.fingerprint()
+
+
+def test_a_scenario_flies_a_gains_file(detuned: Path) -> None:
+    from testbed.scenario import load as scenario
+    from testbed.simulate import run
+
+    overrides = ["plant=jsbsim", "duration_s=0.1", "nominal.controller=manoeuvre"]
+    done = run(scenario("paper-2-turn", [*overrides, f'airframes=["x8", "{detuned}"]']))
+    assert set(done.manifest["airframes"]) == {"x8", "x8+detuned"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('base = "x8"\n[gains.turn]\ndamping = -1.0', r"gains.turn.damping: must be zero or more"),
+        ('base = "x8"\n[gains.turn]\ndamping = nan', r"gains.turn.damping: must be a finite number"),
+        ('base = "x8"\n[gains.turn]\ndamping = "1"', r"gains.turn.damping: must be a finite number"),
+        ('base = "x8"\n[gains.turn]\ndampin = 1.0', r"turn.dampin.*turn.damping"),
+        ('base = "x8"\n[gains.turn]\nfilter_s = 0.0', r"gains.turn.filter_s: must be positive"),
+        ('base = "x9"\n[gains.turn]\ndamping = 1.0', r"no airframe x9"),
+        ("[gains.turn]\ndamping = 1.0", r'needs base = "NAME"'),
+        ("[gains.turn", r"bad.toml"),
+    ],
+)
+def test_a_bad_gains_file_is_one_line_and_exit_code_2(
+    text: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    import re
+
+    (tmp_path / "bad.toml").write_text(text)
+    assert call(monkeypatch, "tune", "x8", "--gains", tmp_path / "bad.toml") == 2
+    said = capsys.readouterr().err.strip()
+    assert re.search(message, said) and len(said.splitlines()) == 1, said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["tune", "albatross"], "albatross"),
+        (["tune", "x8", "--gains", "nowhere.toml"], "nowhere.toml does not exist"),
+        (["tune", "x8", "--sweep", "turn.bandwith=1:2:3"], "turn.bandwidth_radps"),
+        (["tune", "x8", "--sweep", "turn.bandwidth=1:2"], "GAIN=FROM:TO:COUNT"),
+        (["tune", "x8", "--sweep", "turn.bandwidth=-1:2:3"], "above 0"),
+        (["tune", "x8", "--sweep", "turn.bandwidth=nan:2:3"], "finite"),
+        (["tune", "x8", "--sweep", "turn.damping=-1:2:3:abs"], "must be zero or more"),
+        (["tune", "x8", "--scenario", "paper-2-turn"], "--sweep"),
+        (["tune", "x8", "--sweep", "turn.damping=1:2:2", "--optimise"], "one at a time"),
+        (["tune", "x8", "--optimise", "--vary", "turn.sharpness"], "turn.sharpness"),
+        (["tune", "x8", "--sweep", "turn.damping=1:2:2", "--scenario", "paper-2-tun"], "paper-2-turn"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_code_2(
+    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, *arguments) == 2
+    said = capsys.readouterr().err.strip()
+    assert message in said and len(said.splitlines()) == 1, said
+
+
+# -- sweeps
+
+
+def test_a_sweep_is_in_factors_of_the_files_value(x8: Airframe) -> None:
+    swept = Sweep.parse("turn.bandwidth=0.5:2:9", x8)
+    assert swept.gain == "turn.bandwidth_radps"
+    assert swept.values[4] == pytest.approx(x8.gains["turn"]["bandwidth_radps"])
+    assert swept.values[8] == pytest.approx(4 * swept.values[0])
+    assert Sweep.parse("turn.damping=0.5:1.5:3:abs", x8).values == (0.5, 1.0, 1.5)
+    # an exact name wins over longer ones that begin with it
+    assert Sweep.parse("climb.filter=1:1:1", x8).gain == "climb.filter_radps"
+    with pytest.raises(UserError, match=r"climb\.f"):
+        Sweep.parse("climb.f=1:1:1", x8)
+
+
+def fake(point: tuning.Point) -> dict[str, Any]:
+    """A flight that costs nothing."""
+    value = dict(point.gains)["turn.damping"]
+    return {"turn.damping": value, "missed": 0, "omega_t63_s": value, "min_distance_m": 5 * value}
+
+
+def test_an_interrupted_sweep_goes_on_where_it_was(
+    x8: Airframe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[float] = []
+
+    def once_cut_short(point: tuning.Point) -> dict[str, Any]:
+        if len(flown) == 2:
+            flown.append(math.nan)
+            raise KeyboardInterrupt
+        flown.append(dict(point.gains)["turn.damping"])
+        return fake(point)
+
+    monkeypatch.setattr(tuning, "measure", once_cut_short)
+    swept, out = [Sweep.parse("turn.damping=0.8:1.2:4:abs", x8)], tmp_path / "s"
+
+    def go() -> tuning.Tuned:
+        return tuning.sweep(x8, "x8", swept, None, out, command="testbed tune x8", workers=1)
+
+    with pytest.raises(KeyboardInterrupt):
+        go()
+    assert not out.exists()
+    found = go()
+    assert [row["turn.damping"] for row in found.data["rows"]] == pytest.approx(swept[0].values)
+    assert np.nansum(flown) == pytest.approx(sum(swept[0].values))  # each value once
+    assert {p.name for p in out.iterdir()} == {"sweep.csv", "sweep.png", "sweep.pdf", "tune.json", "gains"}
+    assert [p.name for p in tmp_path.iterdir()] == ["s"]  # the notebook is gone
+
+
+@pytest.mark.slow
+def test_more_turn_bandwidth_keeps_two_x8s_farther_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = ["rates.filter_dt_s=0.05", "rates.record_dt_s=0.05", "duration_s=13"]
+    chosen = [word for s in settings for word in ("--set", s)]
+    sweep = ["--sweep", "turn.bandwidth=0.4:2:2", "--scenario", "paper-2-turn"]
+    assert call(monkeypatch, "tune", "x8", *sweep, *chosen, "--out", tmp_path / "s", "--json") == 0
+    slow, fast = json.loads(capsys.readouterr().out)["rows"]
+    # 2.4 and 5.3 m
+    assert slow["min_distance_m"] < 4.0 < fast["min_distance_m"]
+    assert slow["omega_t63_s"] > 1.5 * fast["omega_t63_s"]
+    assert slow["min_h_m"] < fast["min_h_m"]
+    # the gains file of a point flies the same gains again
+    again = load(tmp_path / "s" / "gains" / "002.toml")
+    assert again.gains["turn"]["bandwidth_radps"] == pytest.approx(fast["turn.bandwidth_radps"])
+
+
+# -- optimisation
+
+
+def test_the_cost_is_zero_where_all_bounds_are_met_with_a_reserve() -> None:
+    near = Row("turn", "a", "t63_s", 0.33, 0.34)
+    far = Row("turn", "a", "t63_s", 0.30, 0.34)
+    assert cost([far]) == 0 < cost([near]) < cost([Row("turn", "a", "t63_s", 0.5, 0.34)])
+    assert cost([Row("turn", "a", "t63_s", math.nan, 0.34)]) > 0.5
+    assert cost([Row("turbulence", "a", "v_rms_mps", 9.0, math.inf)]) == 0
+
+
+def job(tmp_path: Path, evaluations: int = 40) -> Search:
+    stage = (("turn.damping", "turn.bandwidth_radps"), ("turn",))
+    base = (("turn.damping", 0.7),)
+    return Search("x8", base, (stage,), 1, evaluations, tmp_path / "memory.jsonl")
+
+
+def test_a_search_mends_a_detuned_turn_and_repeats_itself(
+    x8: Airframe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = evaluate(x8.with_gains({"turn.damping": 0.7}), ["turn"])
+    assert not all(r.met for r in before)
+    found = search(job(tmp_path))
+    assert found["cost"] == 0.0
+    assert all(r.met for r in evaluate(x8.with_gains(found["gains"]), ["turn"]))
+
+    def never(*_: object) -> list[Row]:
+        raise AssertionError("flown again")
+
+    # interrupted and begun again, it flies nothing it has flown
+    monkeypatch.setattr("aircraft.specification.evaluate", never)
+    assert search(job(tmp_path)) == found
+
+
+@pytest.mark.slow
+def test_optimise_writes_gains_that_can_be_given_back(
+    detuned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(optimising.CHANNELS, "turn", (("damping", "bandwidth"), ("turn",)))
+    out = tmp_path / "o"
+    options = ["--gains", detuned, "--optimise", "--vary", "turn.damping", "--vary", "turn.bandwidth"]
+    limits = ["--starts", 1, "--workers", 1, "--evaluations", 40, "--seed", 3]
+    call(monkeypatch, "tune", "x8", *options, *limits, "--out", out)
+    capsys.readouterr()
+    text = (out / "gains.toml").read_text()
+    assert "--seed 3" in text and "airframe_sha256" in text and "jsbsim" in text
+    tuned = load(out / "gains.toml")
+    assert all(r.met for r in evaluate(tuned, ["turn"]))
+    assert not list(tmp_path.glob(".o.*"))
+    # the folder is taken
+    assert call(monkeypatch, "tune", "x8", *options, *limits, "--out", out) == 2
+
+
+@pytest.mark.slow
+def test_tune_says_whether_all_bounds_are_met(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert call(monkeypatch, "tune", "x8") == 0
+    out = capsys.readouterr().out
+    assert "bounds met" in out and "omega 0 to 11.7 deg/s at 25 m/s" in out
+    assert max(map(len, out.splitlines())) <= 80
