@@ -41,11 +41,13 @@ class Equation:
 
 @dataclass
 class Channel:
-    """Equations in order, evaluated while ap/CONDITION is set, for airframes with gains of `section`."""
+    """Equations in order, evaluated every so many periods while ap/CONDITION is set; for airframes that have
+    gains of `section`."""
 
     name: str
     section: str | None
     condition: str | None
+    every: int = 1
     equations: list[Equation] = field(default_factory=list)
 
 
@@ -84,8 +86,8 @@ def parse(text: str) -> Equations:
             parsed.uses[m[1]] = m[2]
         elif m := re.fullmatch(r"input (\w+)(?: for (\w+))? = (\S+)", line):
             parsed.inputs[m[1]] = (float(m[3]), m[2])
-        elif m := re.fullmatch(r"== (\w+)(?: for (\w+))?(?: if (\w+))? ==", line):
-            parsed.channels.append(Channel(m[1], m[2], m[3]))
+        elif m := re.fullmatch(r"== (\w+)(?: for (\w+))?(?: if (\w+))?(?: every (\d+))? ==", line):
+            parsed.channels.append(Channel(m[1], m[2], m[3], int(m[4] or 1)))
         elif m := re.fullmatch(r"(\w+) = (.+?)(?: -> (\S+))?", line):
             parsed.channels[-1].equations.append(Equation(m[1], m[2], m[3]))
         else:
@@ -143,8 +145,9 @@ def system_xml(equations: Equations, gains: Mapping[str, float]) -> str:
     defaults = {n: v for n, (v, _) in equations.inputs.items()} | dict(gains) | dict.fromkeys(assigned, 0.0)
     lines += [f'  <property value="{v!r}"> {property_name(n)} </property>' for n, v in defaults.items()]
     for channel in equations.channels:
-        execute = f' execute="{property_name(channel.condition)}"' if channel.condition else ""
-        lines.append(f'  <channel name="{channel.name}"{execute}>')
+        when = f' execute="{property_name(channel.condition)}"' if channel.condition else ""
+        when += f' execrate="{channel.every}"' if channel.every > 1 else ""
+        lines.append(f'  <channel name="{channel.name}"{when}>')
         for e in channel.equations:
             output = f"<output>{e.output}</output>" if e.output else ""
             formula = _xml(ast.parse(e.formula, mode="eval").body, properties)

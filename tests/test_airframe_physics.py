@@ -1,4 +1,4 @@
-"""Each airframe in JSBSim against its published coefficients, summed, moved and linearised here by themselves."""
+"""Each airframe in JSBSim against its published coefficients, summed, moved and linearised here."""
 
 import math
 from collections.abc import Callable
@@ -107,7 +107,8 @@ class Published:
         )
         air = Air(math.atan2(w, u), math.asin(v / speed), *rates, speed, rho)
         force, _ = self.aerodynamics(air, *surfaces)
-        moved = (force + [self.thrust(speed, throttle, rho), 0, 0]) / self.mass + g * weight
+        thrust = np.array([self.thrust(speed, throttle, rho), 0, 0])
+        moved = (force + thrust) / self.mass + g * weight
         moved -= np.cross(rates, velocity)
         turning = Air(**{**vars(air), "alpha_dot": (u * moved[2] - w * moved[0]) / (u * u + w * w)})
         _, moment = self.aerodynamics(turning, *surfaces)
@@ -204,7 +205,7 @@ def test_the_inertia_is_possible_and_the_published_or_assumed_one(name):
     # JSBSim's kg m^2 is 0.9999 of one, and its property is minus the product of the equations of motion
     assert (ixx, iyy, izz, -ixz) == pytest.approx(published.inertia, rel=2e-4)
     principal = sorted(np.linalg.eigvalsh(published.tensor))
-    assert 0 < principal[0] and principal[2] < principal[0] + principal[1]
+    assert principal[0] > 0 and principal[2] < principal[0] + principal[1]
     assert fdm.read("inertia/mass-slugs") * 14.593902937 == pytest.approx(published.mass, rel=1e-6)
 
 

@@ -13,8 +13,10 @@ LAGS = (Lag(0.8, 0.05), Lag(0.3, 0.02, -1.0, 1.0), Lag(0.3))
 
 PLANTS = {
     "jsbsim": lambda: JsbsimFleet([load("x8")] * 2),
+    "jsbsim, mixed": lambda: JsbsimFleet([load("x8"), load("rascal")]),
     "unicycle": lambda: KinematicFleet(2),
     "lagged": lambda: KinematicFleet(2, lags=LAGS),
+    "lagged, each its own way": lambda: KinematicFleet(2, lags=[LAGS, (Lag(0.5), Lag(0.2), Lag(0.1))]),
 }
 
 

@@ -45,12 +45,6 @@ zeta_mps = 0.3048 * climb_fps
 omega_radps = omega_radps + min(dt / turn_filter_s, 1) * (0.3048 * (east_mps * north_fps - north_mps * east_fps) / (v_mps * v_mps * max(dt, 1e-6)) - omega_radps)
 east_mps = 0.3048 * east_fps
 north_mps = 0.3048 * north_fps
-# Angle from the air-relative to the ground-relative velocity: the crab angle in a crosswind.
-air_east_mps = east_mps - 0.3048 * wind_east_fps
-air_north_mps = north_mps - 0.3048 * wind_north_fps
-per_speeds = 1 / max(v_mps * sqrt(air_east_mps * air_east_mps + air_north_mps * air_north_mps), 5)
-crab_cos = (air_east_mps * east_mps + air_north_mps * north_mps) * per_speeds
-crab_sin = (air_east_mps * north_mps - air_north_mps * east_mps) * per_speeds
 # Climb angle through the air.
 climb_sin = clip((zeta_mps + 0.3048 * wind_down_fps) / airspeed_mps, -0.6, 0.6)
 climb_cos = sqrt(1 - climb_sin * climb_sin)
@@ -72,7 +66,14 @@ climb_integral_mps2 = 0
 turn_integral_radps = 0
 bank_cos = cos(roll_rad)
 
-== envelope if on ==
+# Every fourth period: what changes no faster than speed, bank and heading.
+== envelope if on every 4 ==
+# Angle from the air-relative to the ground-relative velocity: the crab angle in a crosswind.
+air_east_mps = east_mps - 0.3048 * wind_east_fps
+air_north_mps = north_mps - 0.3048 * wind_north_fps
+per_speeds = 1 / max(v_mps * sqrt(air_east_mps * air_east_mps + air_north_mps * air_north_mps), 5)
+crab_cos = (air_east_mps * east_mps + air_north_mps * north_mps) * per_speeds
+crab_sin = (air_east_mps * north_mps - air_north_mps * east_mps) * per_speeds
 # Thrust available and drag in level flight at this bank, as accelerations.
 thrust_per_speed2_per_m = airframe_thrust_area_share * lift_per_cl_mps2 / (airspeed_mps * airspeed_mps)
 thrust_max_mps2 = thrust_per_speed2_per_m * airframe_motor_speed_mps * (airframe_motor_speed_mps - airspeed_mps)
@@ -84,29 +85,36 @@ level_drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + level_cl * (airframe_cd_1 
 speed_high_mps = v_mps - v_plan_mps
 zeta_max_mps = airspeed_mps / 9.80665 * (thrust_max_mps2 - level_drag_mps2 + envelope_exchange_per_s * min(envelope_slack_mps + speed_high_mps, airspeed_mps - envelope_airspeed_min_mps))
 zeta_min_mps = airspeed_mps / 9.80665 * (thrust_min_mps2 - level_drag_mps2 - envelope_exchange_per_s * min(envelope_slack_mps - speed_high_mps, envelope_airspeed_max_mps - airspeed_mps))
-zeta_allowed_mps = clip(zeta_cmd_mps, zeta_min_mps, zeta_max_mps)
-limited_zeta = zeta_allowed_mps != zeta_cmd_mps
 # Turn rate is clipped before bank: the bank that the wing can carry at this airspeed, with a load factor in reserve.
 load_max = max(lift_per_cl_mps2 * envelope_cl_turn / 9.80665, 1.02)
 omega_max_radps = 9.80665 * min(sqrt(load_max * load_max - 1), envelope_bank_tan_max) / v_mps
-omega_allowed_radps = clip(omega_cmd_radps, -omega_max_radps, omega_max_radps)
-limited_omega = omega_allowed_radps != omega_cmd_radps
+# Climb and turn references ask for no more pitch and roll acceleration than a given travel of elevator and aileron
+# causes.
+zeta_dot_max_mps2 = min(climb_pull_mps2, 9.80665 * (load_max - 1))
+zeta_jerk_dot_max_mps4 = -1 * climb_elevator_rad * lift_per_cl_mps2 * lift_per_cl_mps2 * airframe_cl_alpha * bank_cos / airframe_elevator_per_qdot_m
+omega_ddot_max_radps3 = 9.80665 * turn_aileron_rad * airspeed_mps / (airframe_aileron_per_p_m * airframe_roll_lag_m)
+# Acceleration: what thrust leaves after the climb, some always kept for speed.
+acceleration_min_mps2 = min(thrust_min_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, -speed_reserved_mps2)
+acceleration_max_mps2 = max(thrust_max_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, speed_reserved_mps2)
+# Where the throttle begins to drive the propeller.
+knee_mps = airframe_windmill_throttle * (airframe_motor_speed_mps - airspeed_mps)
+thrust_knee_mps2 = thrust_per_speed2_per_m * (airspeed_mps + knee_mps) * knee_mps
+roll_lead_s = turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps
 
 == reference if on ==
-# The references ask for no more pitch and roll acceleration than a given travel of elevator and aileron causes.
-zeta_jerk_dot_max_mps4 = -1 * climb_elevator_rad * lift_per_cl_mps2 * lift_per_cl_mps2 * airframe_cl_alpha * bank_cos / airframe_elevator_per_qdot_m
-zeta_jerk_dot_mps4 = clip(climb_filter_radps * (climb_filter_radps * (clip(climb_bandwidth_radps * (zeta_allowed_mps - zeta_ref_mps), -climb_push_mps2, min(climb_pull_mps2, 9.80665 * (load_max - 1))) - zeta_dot_ref_mps2) - 2 * climb_filter_damping * zeta_jerk_ref_mps3), -zeta_jerk_dot_max_mps4, zeta_jerk_dot_max_mps4)
+zeta_allowed_mps = clip(zeta_cmd_mps, zeta_min_mps, zeta_max_mps)
+limited_zeta = zeta_allowed_mps != zeta_cmd_mps
+omega_allowed_radps = clip(omega_cmd_radps, -omega_max_radps, omega_max_radps)
+limited_omega = omega_allowed_radps != omega_cmd_radps
+zeta_jerk_dot_mps4 = clip(climb_filter_radps * (climb_filter_radps * (clip(climb_bandwidth_radps * (zeta_allowed_mps - zeta_ref_mps), -climb_push_mps2, zeta_dot_max_mps2) - zeta_dot_ref_mps2) - 2 * climb_filter_damping * zeta_jerk_ref_mps3), -zeta_jerk_dot_max_mps4, zeta_jerk_dot_max_mps4)
 zeta_jerk_ref_mps3 = zeta_jerk_ref_mps3 + dt * zeta_jerk_dot_mps4
 zeta_dot_ref_mps2 = zeta_dot_ref_mps2 + dt * zeta_jerk_ref_mps3
 zeta_ref_mps = zeta_ref_mps + dt * zeta_dot_ref_mps2
-omega_ddot_max_radps3 = 9.80665 * turn_aileron_rad * airspeed_mps / (airframe_aileron_per_p_m * airframe_roll_lag_m)
 omega_ddot_ref_radps3 = clip(turn_bandwidth_radps * (turn_bandwidth_radps * (omega_allowed_radps - omega_ref_radps) - 2 * turn_damping * omega_dot_ref_radps2), -omega_ddot_max_radps3, omega_ddot_max_radps3)
 omega_dot_ref_radps2 = omega_dot_ref_radps2 + dt * omega_ddot_ref_radps3
 omega_ref_radps = omega_ref_radps + dt * omega_dot_ref_radps2
-# Acceleration: what thrust leaves after the climb, some always kept for speed, and airspeed limits above all.
+# Acceleration within what thrust leaves, and airspeed limits above all.
 acceleration_wanted_mps2 = speed_bandwidth_radps * (v_cmd_mps - v_ref_mps)
-acceleration_min_mps2 = min(thrust_min_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, -speed_reserved_mps2)
-acceleration_max_mps2 = max(thrust_max_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, speed_reserved_mps2)
 acceleration_target_mps2 = clip(clip(acceleration_wanted_mps2, acceleration_min_mps2, acceleration_max_mps2), envelope_exchange_per_s * (envelope_airspeed_min_mps - airspeed_mps), envelope_exchange_per_s * (envelope_airspeed_max_mps - airspeed_mps))
 limited_v = acceleration_target_mps2 != acceleration_wanted_mps2
 acceleration_dot_mps3 = (acceleration_target_mps2 - acceleration_ref_mps2) / speed_filter_s
@@ -140,10 +148,9 @@ left_mps2 = across_mps2 * crab_cos + along_mps2 * crab_sin + turn_side_share * 9
 lift_mps2 = max((9.80665 + zeta_dot_mps2) * climb_cos - ahead_mps2 * climb_sin, 3)
 bank_tan = clip(-left_mps2 / lift_mps2, -envelope_bank_tan_max, envelope_bank_tan_max)
 bank_cos = 1 / sqrt(1 + bank_tan * bank_tan)
-bank_rad = atan(bank_tan)
-# Roll rate of the reference, for the turn and for the changing lift, led by the servo's and the roll mode's lags.
-roll_lead_s = turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps
-roll_rate_radps = turn_bank_feedback_per_s * (bank_rad - roll_rad) - bank_cos * bank_cos / lift_mps2 * (v_mps * (omega_dot_ref_radps2 + roll_lead_s * omega_ddot_ref_radps3) + acceleration_ref_mps2 * omega_ref_radps + bank_tan * (zeta_jerk_ref_mps3 + roll_lead_s * zeta_jerk_dot_mps4))
+# Roll rate of the reference, for the turn and for the changing lift; it is led by the servo's and the roll mode's lags.
+bank_rate_radps = -bank_cos * bank_cos / lift_mps2 * (v_mps * omega_dot_ref_radps2 + acceleration_ref_mps2 * omega_ref_radps + bank_tan * zeta_jerk_ref_mps3)
+roll_rate_radps = turn_bank_feedback_per_s * (atan(bank_tan) - roll_rad) + bank_rate_radps + turn_rate_feedback * (bank_rate_radps - p_radps) - bank_cos * bank_cos / lift_mps2 * roll_lead_s * (v_mps * omega_ddot_ref_radps3 + bank_tan * zeta_jerk_dot_mps4)
 # Angle of attack for the lift, elevator to trim it, to pitch along the path and to change it.
 lift_cl = lift_mps2 / (bank_cos * lift_per_cl_mps2)
 alpha_per_mps2 = 1 / (bank_cos * lift_per_cl_mps2 * airframe_cl_alpha)
@@ -159,8 +166,6 @@ aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_ailero
 drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2))
 thrust_mps2 = drag_mps2 + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
 # The throttle that gives it: T = k Vd (Vd - Va) solved for Vd, and a straight line to the windmilling propeller.
-knee_mps = airframe_windmill_throttle * (airframe_motor_speed_mps - airspeed_mps)
-thrust_knee_mps2 = thrust_per_speed2_per_m * (airspeed_mps + knee_mps) * knee_mps
 throttle_wanted = where(thrust_mps2 > thrust_knee_mps2, (sqrt(airspeed_mps * airspeed_mps + 4 * max(thrust_mps2, 0) / thrust_per_speed2_per_m) - airspeed_mps) / (2 * (airframe_motor_speed_mps - airspeed_mps)), airframe_windmill_throttle * (thrust_mps2 - thrust_min_mps2) / (thrust_knee_mps2 - thrust_min_mps2))
 throttle = clip(throttle_wanted, 0, 1)
 throttle_free = throttle == throttle_wanted
@@ -169,9 +174,8 @@ aileron_norm = aileron_rad / airframe_aileron_norm_rad + aileron_probe -> fcs/ai
 throttle_norm = throttle + throttle_probe -> fcs/throttle-cmd-norm
 
 == coordinate for rudder if on ==
-# Yaw rate of a turn without sideslip under the side force felt, and how fast the sideslip grows with the one measured.
+# Yaw rate of a turn without sideslip under the side force felt; less the one measured, it is the sideslip's rate.
 yaw_rate_radps = alpha_rad * p_radps + 9.80665 * (sin(roll_rad) * climb_cos + side_load) / airspeed_mps
-sideslip_rate_radps = yaw_rate_radps - r_radps
 # Rudder to yaw so, to begin to, and against the ailerons' adverse yaw; feedback of sideslip and of its rate.
-rudder_rad = clip((airframe_rudder_per_r_m * yaw_rate_radps - rudder_rate_feedback_m * sideslip_rate_radps) / airspeed_mps + airframe_rudder_per_rdot_m * 9.80665 * p_radps * bank_cos / (airspeed_mps * lift_per_cl_mps2) + airframe_rudder_per_aileron * aileron_rad - rudder_feedback * beta_rad, -airframe_rudder_max_rad, airframe_rudder_max_rad)
+rudder_rad = clip((airframe_rudder_per_r_m * yaw_rate_radps - rudder_rate_feedback_m * (yaw_rate_radps - r_radps)) / airspeed_mps + airframe_rudder_per_rdot_m * 9.80665 * p_radps * bank_cos / (airspeed_mps * lift_per_cl_mps2) + airframe_rudder_per_aileron * aileron_rad - rudder_feedback * beta_rad, -airframe_rudder_max_rad, airframe_rudder_max_rad)
 rudder_norm = rudder_rad / airframe_rudder_norm_rad + rudder_probe -> fcs/rudder-cmd-norm
