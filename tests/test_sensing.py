@@ -218,7 +218,7 @@ def test_without_disturbance_the_truth_itself_is_what_is_known() -> None:
         "stale=guess": "network.stale: input should be 'hold', 'extrapolate-lost' or 'extrapolate'",
         "position_noise_m=-1": "sensing.position_noise_m: input should be greater than or equal to 0",
         "drift_time_s=0": "sensing.drift_time_s: input should be greater than 0",
-        "source=radar": "sensing.source: input should be 'broadcast' or 'sensors'",
+        "sensing.source=radar": "sensing.source: input should be 'broadcast' or 'sensors'",
         "intensity=hurricane": "gusts.intensity: input should be 'none', 'light', 'moderate' or 'severe'",
         "gusts.sigma_mps=-1": "gusts.sigma_mps: input should be greater than or equal to 0",
         "wind.speed_mps=-3": "wind.speed_mps: input should be greater than or equal to 0",
