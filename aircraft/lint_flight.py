@@ -160,7 +160,7 @@ def _mass(b: _Bench) -> Iterator[Finding]:
         if name not in loaded:
             message, remedy = f"stated.{name} is not checked", f"known are {', '.join(loaded)}"
             yield Finding("stated", "error", toml.name, toml_line(toml, name), message, remedy)
-        elif abs(loaded[name] - value) > _STATED * abs(value):
+        elif abs(loaded[name] - value) > _STATED * abs(value) + 1e-9:
             part = {"jxz_kgm2": "ixz", "jx_kgm2": "ixx", "jy_kgm2": "iyy", "jz_kgm2": "izz"}.get(name, "")
             message = f"{name} is {loaded[name]:.4g} as JSBSim loads it, airframe.toml states {value:.4g}"
             remedy = "correct the one that is wrong"

@@ -3,6 +3,9 @@
 Built from parts, none of them a recording of the whole: JSBSim's accelerations differentiated at rest, its
 integration scheme and order of evaluation, actuators from a step, and the autopilot's equations
 differentiated as text. `aircraft.linear` measures the same loops in flight; a test compares the two.
+
+Two things are simplified, both far above the crossovers: channels that run every few periods count as running
+in each, and forces due to the angle of attack's rate, which JSBSim feeds back a period late, act at once.
 """
 
 from __future__ import annotations

@@ -50,12 +50,13 @@ def describe(
     out: OutOption = None,
     gains: GainsOption = None,
     overwrite: OverwriteOption = False,
+    as_markdown: Annotated[bool, typer.Option("--markdown", help="print the tables as Markdown")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """A datasheet: geometry, trim, envelope, modes, margins, steps; with --out a page with plots."""
     from aircraft.datasheet import describe as measure
     from aircraft.fdm import FdmError
-    from testbed.report.aircraft_tables import tables
+    from testbed.report.aircraft_tables import markdown, tables
     from testbed.store import check_free, plain
 
     airframe = airframe_of(name, gains)
@@ -71,6 +72,9 @@ def describe(
         write(sheet, out, overwrite)
     if as_json:
         print(json.dumps(plain(sheet.as_dict()), indent=2))
+        return
+    if as_markdown:
+        print(markdown(sheet))
         return
     for title, rows in tables(sheet).items():
         _table(title, rows)

@@ -55,6 +55,34 @@ def tables(sheet: Datasheet) -> dict[str, Rows]:
     return found
 
 
+def markdown(sheet: Datasheet) -> str:
+    """The tables as Markdown, for the guide; a step's name stands once."""
+    a = sheet.airframe
+    lines = [
+        f"# {a.title}",
+        "",
+        f"Made by `testbed aircraft describe {a.name} --markdown`; the same with plots:",
+    ]
+    lines += [f"`testbed aircraft describe {a.name} --out FOLDER`.", ""]
+    for title, rows in tables(sheet).items():
+        if not rows:
+            continue
+        lines += [f"## {title}", "", "| " + " | ".join(rows[0]) + " |", "|---" * len(rows[0]) + "|"]
+        before = ""
+        for row in rows:
+            cells = [_text(v) if k != "step" or v != before else "" for k, v in row.items()]
+            before = row.get("step", "")
+            lines.append("| " + " | ".join(cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _text(value: Any) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else str(value).replace("|", "/")
+
+
 def geometry(sheet: Datasheet) -> Rows:
     units = {"kg": "kg", "m2": "m^2", "m": "m", "npm2": "N/m^2", "kgm2": "kg m^2", "ratio": ""}
     rows = []
