@@ -155,6 +155,10 @@ def remedies(
     set_: SetOption = None,
     out: OutOption = None,
     seeds: SeedsOption = 20,
+    first_seed: Annotated[int, typer.Option("--first-seed", help="the first of them")] = 1,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="NAME", help="fly only this remedy; may be repeated")
+    ] = None,
     workers: WorkersOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -164,7 +168,8 @@ def remedies(
 
     s = _scenario(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)
     where = out or Path("runs") / f"{s.name}-remedies"
-    _study(compare_remedies(s, _count(seeds), where, workers, overwrite), as_json)
+    chosen = range(first_seed, first_seed + _count(seeds))
+    _study(compare_remedies(s, chosen, only or [], where, workers, overwrite), as_json)
 
 
 @app.command(epilog="Example: testbed margin paper-2-turn --knob ds_buffer --target-rate 0.01")

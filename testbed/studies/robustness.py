@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from testbed.errors import UserError, nearest
 from testbed.report import robustness_figures as figures
 from testbed.scenario import Scenario
 from testbed.start import generators, places
@@ -73,16 +74,32 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
     )
 
 
-def compare_remedies(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: bool) -> Found:
-    """Remedies on `s` at equal seeds: runs.csv, remedies.csv, figure."""
+def compare_remedies(
+    s: Scenario,
+    seeds: range,
+    only: list[str],
+    out: Path,
+    workers: int | None,
+    overwrite: bool,
+) -> Found:
+    """Remedies on `s` at equal seeds: runs.csv, remedies.csv, figure.
+
+    only  names of the remedies to fly; empty flies all
+    """
     check_free(out, overwrite)
     s = default_starts(s)
-    runs = remedies.compare(s, remedies.catalogue(s), range(1, seeds + 1), out, workers)
+    known = remedies.catalogue(s)
+    if unknown := [name for name in only if name not in known]:
+        raise UserError(f"--only {unknown[0]!r}: unknown remedy; {nearest(unknown[0], known)}")
+    chosen = {name: known[name] for name in (only or known)}
+    runs = remedies.compare(s, chosen, seeds, out, workers)
     table = remedies.table(runs, _straight(s))
     with staged(out, overwrite) as folder:
         runs.to_csv(folder / "runs.csv", index=False)
         table.to_csv(folder / "remedies.csv", index=False)
-        write_json(folder / "remedies.json", {"seeds": seeds, "scenario": s.model_dump(mode="json")})
+        write_json(
+            folder / "remedies.json", {"seeds": [seeds[0], seeds[-1]], "scenario": s.model_dump(mode="json")}
+        )
         figures.remedies(table, s.d_safe_m, folder)
     rows = [
         {
@@ -96,7 +113,9 @@ def compare_remedies(s: Scenario, seeds: int, out: Path, workers: int | None, ov
         }
         for r in table.itertuples()
     ]
-    return Found(out, f"{s.name} on {s.plant}: remedies, {seeds} equal seeds, Ds {s.d_safe_m:g} m", rows)
+    return Found(
+        out, f"{s.name} on {s.plant}: remedies, seeds {seeds[0]} to {seeds[-1]}, Ds {s.d_safe_m:g} m", rows
+    )
 
 
 def margin(
