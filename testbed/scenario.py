@@ -15,26 +15,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
+from testbed.departures import Gusts, Lags, Network, Remedy, Sensing, Wind
 from testbed.errors import UserError, nearest
 from testbed.sections import (
     Alpha,
     Barrier,
     Checks,
     Filter,
-    Gusts,
     InputSet,
-    Lags,
     Navigation,
-    Network,
     Nominal,
     Place,
     Positive,
     Rates,
-    Remedy,
     Section,
-    Sensing,
     Start,
-    Wind,
 )
 
 SCHEMA_VERSION = 1
