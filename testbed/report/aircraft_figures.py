@@ -115,12 +115,12 @@ def loops(sheet: Datasheet) -> Figure:
         for s, loop in enumerate(x for x in sheet.loops if x.name == name):
             _bode(axes[0, k], axes[1, k], loop, SERIES[s % len(SERIES)])
         axes[0, k].set(title=name, ylim=(-60, 45))
-        axes[1, k].set(xlabel="frequency [rad/s]", ylim=(-360, 0), yticks=range(-360, 1, 90))
+        axes[1, k].set(xlabel="frequency [rad/s]", ylim=(-360, 180), yticks=range(-360, 181, 90))
         axes[0, k].axhline(0.0, **LIMIT)
         axes[1, k].axhline(-180.0, **LIMIT)
     axes[0, 0].set_ylabel("|L| [dB]")
     axes[1, 0].set_ylabel("phase [deg]")
-    axes[0, 0].legend(loc="lower left")
+    axes[0, -1].legend(loc="upper right")
     figure.suptitle("line: linear model, dots: measured by injection", fontsize=8)
     return figure
 
@@ -131,6 +131,7 @@ def _bode(gain: Axes, phase: Axes, loop: Loop, color: str) -> None:
         # the branch that is between -270 and 90 deg where the loop crosses unity
         middle = angle[int(np.argmin(np.abs(np.log(np.abs(r.loop)))))]
         angle -= 360.0 * round((middle + 90.0) / 360.0)
+        angle[np.abs(r.loop) < 1e-3] = np.nan  # off the plot of gains
         every = slice(None) if line else slice(None, None, 12)
         look = {"color": color, "linestyle": line, "marker": "" if line else "o", "markersize": 2.5}
         name = f"{loop.v:g} m/s" if line else None

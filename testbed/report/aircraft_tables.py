@@ -43,9 +43,7 @@ def tables(sheet: Datasheet) -> dict[str, Rows]:
         f"Envelope; m/s, m/s^2, deg, g; turning at {math.degrees(sheet.box.omega):.3g} deg/s": envelope(
             sheet
         ),
-        "Corners of the filter's box; m/s, deg/s; off by 0.5 m/s in, held by the autopilot for": corners(
-            sheet
-        ),
+        "Corners of the filter's box; m/s, deg/s": corners(sheet),
         "Modes of the airframe, controls fixed": modes(sheet),
         "Loops broken at the plant input; measured by injection in brackets": loops(sheet),
         "Step specification": specification([r for r in sheet.rows if r.group != "margins"]),
@@ -134,11 +132,11 @@ def corners(sheet: Datasheet) -> Rows:
             "steady": "yes" if c.sustainable else "no",
         }
         if c.sustainable:
-            row |= dict.fromkeys(("strays in", "held for", "gives", "steady from"), "")
+            row |= dict.fromkeys(("off 0.5 m/s in", "autopilot holds", "gives", "steady from"), "")
         else:
             row |= {
-                "strays in": f"{c.lasts:.2f} s",
-                "held for": f"{c.held:.2f} s" if c.held else "never",
+                "off 0.5 m/s in": f"{c.lasts:.2f} s",
+                "autopilot holds": f"{c.held:.2f} s" if c.held else "never",
                 "gives": c.gives,
                 "steady from": f"{c.balances:.1f} m/s" if math.isfinite(c.balances) else "nowhere",
             }
