@@ -66,8 +66,8 @@ climb_integral_mps2 = 0
 turn_integral_radps = 0
 bank_cos = cos(roll_rad)
 
-# Every fourth period: what changes no faster than speed, bank and heading.
-== envelope if on every 4 ==
+# Every eighth period: what changes no faster than speed, bank and heading.
+== envelope if on every 8 ==
 # Angle from the air-relative to the ground-relative velocity: the crab angle in a crosswind.
 air_east_mps = east_mps - 0.3048 * wind_east_fps
 air_north_mps = north_mps - 0.3048 * wind_north_fps
@@ -85,9 +85,11 @@ level_drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + level_cl * (airframe_cd_1 
 speed_high_mps = v_mps - v_plan_mps
 zeta_max_mps = airspeed_mps / 9.80665 * (thrust_max_mps2 - level_drag_mps2 + envelope_exchange_per_s * min(envelope_slack_mps + speed_high_mps, airspeed_mps - envelope_airspeed_min_mps))
 zeta_min_mps = airspeed_mps / 9.80665 * (thrust_min_mps2 - level_drag_mps2 - envelope_exchange_per_s * min(envelope_slack_mps - speed_high_mps, envelope_airspeed_max_mps - airspeed_mps))
+limited_zeta = clip(zeta_cmd_mps, zeta_min_mps, zeta_max_mps) != zeta_cmd_mps
 # Turn rate is clipped before bank: the bank that the wing can carry at this airspeed, with a load factor in reserve.
 load_max = max(lift_per_cl_mps2 * envelope_cl_turn / 9.80665, 1.02)
 omega_max_radps = 9.80665 * min(sqrt(load_max * load_max - 1), envelope_bank_tan_max) / v_mps
+limited_omega = abs(omega_cmd_radps) > omega_max_radps
 # Climb and turn references ask for no more pitch and roll acceleration than a given travel of elevator and aileron
 # causes.
 zeta_dot_max_mps2 = min(climb_pull_mps2, 9.80665 * (load_max - 1))
@@ -100,12 +102,12 @@ acceleration_max_mps2 = max(thrust_max_mps2 - level_drag_mps2 - 9.80665 * zeta_r
 knee_mps = airframe_windmill_throttle * (airframe_motor_speed_mps - airspeed_mps)
 thrust_knee_mps2 = thrust_per_speed2_per_m * (airspeed_mps + knee_mps) * knee_mps
 roll_lead_s = turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps
+# Angle of attack that a lift costs.
+alpha_per_mps2 = 1 / (bank_cos * lift_per_cl_mps2 * airframe_cl_alpha)
 
 == reference if on ==
 zeta_allowed_mps = clip(zeta_cmd_mps, zeta_min_mps, zeta_max_mps)
-limited_zeta = zeta_allowed_mps != zeta_cmd_mps
 omega_allowed_radps = clip(omega_cmd_radps, -omega_max_radps, omega_max_radps)
-limited_omega = omega_allowed_radps != omega_cmd_radps
 zeta_jerk_dot_mps4 = clip(climb_filter_radps * (climb_filter_radps * (clip(climb_bandwidth_radps * (zeta_allowed_mps - zeta_ref_mps), -climb_push_mps2, zeta_dot_max_mps2) - zeta_dot_ref_mps2) - 2 * climb_filter_damping * zeta_jerk_ref_mps3), -zeta_jerk_dot_max_mps4, zeta_jerk_dot_max_mps4)
 zeta_jerk_ref_mps3 = zeta_jerk_ref_mps3 + dt * zeta_jerk_dot_mps4
 zeta_dot_ref_mps2 = zeta_dot_ref_mps2 + dt * zeta_jerk_ref_mps3
@@ -149,11 +151,11 @@ lift_mps2 = max((9.80665 + zeta_dot_mps2) * climb_cos - ahead_mps2 * climb_sin, 
 bank_tan = clip(-left_mps2 / lift_mps2, -envelope_bank_tan_max, envelope_bank_tan_max)
 bank_cos = 1 / sqrt(1 + bank_tan * bank_tan)
 # Roll rate of the reference, for the turn and for the changing lift; it is led by the servo's and the roll mode's lags.
-bank_rate_radps = -bank_cos * bank_cos / lift_mps2 * (v_mps * omega_dot_ref_radps2 + acceleration_ref_mps2 * omega_ref_radps + bank_tan * zeta_jerk_ref_mps3)
-roll_rate_radps = turn_bank_feedback_per_s * (atan(bank_tan) - roll_rad) + bank_rate_radps + turn_rate_feedback * (bank_rate_radps - p_radps) - bank_cos * bank_cos / lift_mps2 * roll_lead_s * (v_mps * omega_ddot_ref_radps3 + bank_tan * zeta_jerk_dot_mps4)
+roll_per_mps2 = bank_cos * bank_cos / lift_mps2
+bank_rate_radps = -roll_per_mps2 * (v_mps * omega_dot_ref_radps2 + acceleration_ref_mps2 * omega_ref_radps + bank_tan * zeta_jerk_ref_mps3)
+roll_rate_radps = turn_bank_feedback_per_s * (atan(bank_tan) - roll_rad) + bank_rate_radps + turn_rate_feedback * (bank_rate_radps - p_radps) - roll_per_mps2 * roll_lead_s * (v_mps * omega_ddot_ref_radps3 + bank_tan * zeta_jerk_dot_mps4)
 # Angle of attack for the lift, elevator to trim it, to pitch along the path and to change it.
 lift_cl = lift_mps2 / (bank_cos * lift_per_cl_mps2)
-alpha_per_mps2 = 1 / (bank_cos * lift_per_cl_mps2 * airframe_cl_alpha)
 alpha_dot_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3
 q_ref_radps = alpha_dot_ref_radps + (lift_mps2 / bank_cos - 9.80665 * climb_cos * bank_cos) / airspeed_mps
 q_dot_ref_radps2 = alpha_per_mps2 * zeta_jerk_dot_mps4 + zeta_jerk_ref_mps3 / airspeed_mps
@@ -163,8 +165,7 @@ elevator_rad = clip(airframe_elevator_0_rad + (airframe_elevator_per_alpha + air
 aileron_max_rad = min(airframe_aileron_max_rad, airframe_shared_max_rad - abs(elevator_rad))
 aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -aileron_max_rad, aileron_max_rad)
 # Thrust for the acceleration along the air-relative path, for drag, for weight; led by the motor's lag.
-drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2))
-thrust_mps2 = drag_mps2 + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
+thrust_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2)) + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
 # The throttle that gives it: T = k Vd (Vd - Va) solved for Vd, and a straight line to the windmilling propeller.
 throttle_wanted = where(thrust_mps2 > thrust_knee_mps2, (sqrt(airspeed_mps * airspeed_mps + 4 * max(thrust_mps2, 0) / thrust_per_speed2_per_m) - airspeed_mps) / (2 * (airframe_motor_speed_mps - airspeed_mps)), airframe_windmill_throttle * (thrust_mps2 - thrust_min_mps2) / (thrust_knee_mps2 - thrust_min_mps2))
 throttle = clip(throttle_wanted, 0, 1)
@@ -173,9 +174,13 @@ elevator_norm = elevator_rad / airframe_elevator_norm_rad + elevator_probe -> fc
 aileron_norm = aileron_rad / airframe_aileron_norm_rad + aileron_probe -> fcs/aileron-cmd-norm
 throttle_norm = throttle + throttle_probe -> fcs/throttle-cmd-norm
 
+== beginning for rudder if on every 8 ==
+# Rudder that starts the yaw rate of a turn which a roll rate begins.
+rudder_per_p_s = airframe_rudder_per_rdot_m * 9.80665 * bank_cos / (airspeed_mps * lift_per_cl_mps2)
+
 == coordinate for rudder if on ==
 # Yaw rate of a turn without sideslip under the side force felt; less the one measured, it is the sideslip's rate.
 yaw_rate_radps = alpha_rad * p_radps + 9.80665 * (sin(roll_rad) * climb_cos + side_load) / airspeed_mps
 # Rudder to yaw so, to begin to, and against the ailerons' adverse yaw; feedback of sideslip and of its rate.
-rudder_rad = clip((airframe_rudder_per_r_m * yaw_rate_radps - rudder_rate_feedback_m * (yaw_rate_radps - r_radps)) / airspeed_mps + airframe_rudder_per_rdot_m * 9.80665 * p_radps * bank_cos / (airspeed_mps * lift_per_cl_mps2) + airframe_rudder_per_aileron * aileron_rad - rudder_feedback * beta_rad, -airframe_rudder_max_rad, airframe_rudder_max_rad)
+rudder_rad = clip((airframe_rudder_per_r_m * yaw_rate_radps - rudder_rate_feedback_m * (yaw_rate_radps - r_radps)) / airspeed_mps + rudder_per_p_s * p_radps + airframe_rudder_per_aileron * aileron_rad - rudder_feedback * beta_rad, -airframe_rudder_max_rad, airframe_rudder_max_rad)
 rudder_norm = rudder_rad / airframe_rudder_norm_rad + rudder_probe -> fcs/rudder-cmd-norm

@@ -14,6 +14,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,22 +35,25 @@ class Change:
     thrust: float = 1.0
 
 
-def _both(name: str, axes: tuple[bool, bool, bool]) -> list[Change]:
+def _both(name: str, axes: str, share: float = 0.3) -> list[Change]:
+    """Less and more inertia about `axes` by `share`."""
+    factors = [(1 + sign * share, 100 * sign * share) for sign in (-1, 1)]
     return [
         Change(
-            f"{name} {100 * (f - 1):+.0f} %",
-            (f if axes[0] else 1.0, f if axes[1] else 1.0, f if axes[2] else 1.0),
+            f"{name} {percent:+.0f} %",
+            (f if "x" in axes else 1, f if "y" in axes else 1, f if "z" in axes else 1),
         )
-        for f in (0.7, 1.3)
+        for f, percent in factors
     ]
 
 
 # Jx and Jz go together: one alone, changed by 30 %, is that of no body.
 CHANGES = (
     Change("as it is"),
-    *_both("inertia", (True, True, True)),
-    *_both("Jx and Jz", (True, False, True)),
-    *_both("Jy", (False, True, False)),
+    *_both("inertia", "xyz", 0.05),
+    *_both("inertia", "xyz"),
+    *_both("Jx and Jz", "xz"),
+    *_both("Jy", "y"),
     Change("thrust -20 %", thrust=0.8),
     Change("thrust +20 %", thrust=1.2),
 )
@@ -80,11 +84,15 @@ def changed(airframe: Airframe, change: Change, folder: Path) -> Airframe:
     patterns = {rf"(<{tag}[^>]*>\s*)([-+.\deE]+)": factor for tag, factor in factors.items()}
     patterns[r"(<value>\s*)([-+.\deE]+)(?=\s*</value>\s*<!-- C_prop)"] = change.thrust
     for pattern, factor in patterns.items():
-        text, found = re.subn(pattern, lambda m, f=factor: f"{m[1]}{float(m[2]) * f!r}", text)
+        text, found = re.subn(pattern, partial(_scaled, factor), text)
         if found != 1:
             raise ValueError(f"{path}: {found} places match {pattern}, not one")
     path.write_text(text)
     return load(folder)
+
+
+def _scaled(factor: float, found: re.Match[str]) -> str:
+    return f"{found[1]}{float(found[2]) * factor!r}"
 
 
 def effects(name: str, changes: tuple[Change, ...] = CHANGES) -> Iterator[Effect]:
