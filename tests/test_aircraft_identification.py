@@ -21,19 +21,24 @@ def lagged(airframe):
     )
 
 
+everyone = pytest.mark.parametrize("name", ["x8", "rascal"])
+
+
 @pytest.mark.slow
-def test_the_committed_channels_are_what_identification_finds():
-    x8 = load("x8")
-    t, delay, falls, rises = identify(x8, "omega")
-    committed = x8.identified.omega
+@everyone
+def test_the_committed_channels_are_what_identification_finds(name):
+    airframe = load(name)
+    t, delay, falls, rises = identify(airframe, "omega")
+    committed = airframe.identified.omega
     found = (committed.time_constant_s, committed.delay_s, -committed.rate_min, committed.rate_max)
     assert found == pytest.approx((t, delay, falls, rises), rel=0.02)
 
 
-def test_a_lagged_unicycle_stays_near_the_aircraft_on_commands_it_was_not_fitted_to():
+@everyone
+def test_a_lagged_unicycle_stays_near_the_aircraft_on_commands_it_was_not_fitted_to(name):
     rng = np.random.default_rng(3)
-    x8 = load("x8")
-    plants = JsbsimFleet([x8]), lagged(x8)
+    airframe = load(name)
+    plants = JsbsimFleet([airframe]), lagged(airframe)
     for plant in plants:
         plant.reset(State([0.0], [0.0], [0.0], [0.0]), rng)
     miss = []
