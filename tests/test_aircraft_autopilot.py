@@ -1,9 +1,6 @@
 """The airframes under their autopilot: step responses, limits, wind, gusts, and the loops' margins."""
 
 import math
-import re
-import shutil
-import timeit
 
 import numpy as np
 import pytest
@@ -188,30 +185,3 @@ def test_every_loop_has_its_margins_at_every_trim_speed(aircraft):
         for loop in loops(aircraft):
             m = margins(response(aircraft, v, loop))
             assert m.gain_db >= 6 and m.phase_deg >= 45 and m.disk >= 0.5, (loop, v, m)
-
-
-@pytest.mark.slow
-def test_the_autopilot_costs_no_more_than_1_1_times_the_bare_model(aircraft, tmp_path):
-    """Added time per period over that of the model without equations, both in this run, by minima."""
-    folder = tmp_path / aircraft.name
-    shutil.copytree(aircraft.folder, folder)
-    silent = folder / "systems" / "autopilot.xml"
-    # the same properties, no equations
-    silent.write_text(re.sub(r"<channel.*</channel>", "", silent.read_text(), flags=re.DOTALL))
-    level = Start(0.0, 0.0, 0.0, 0.0, 20.0)
-
-    def seconds():
-        flying, bare = Fdm(aircraft, 0.005, Origin()), Fdm(load(folder), 0.005, Origin())
-        flying.start(level)
-        bare.trim(level)
-        rounds = [[timeit.timeit(fdm._fdm.run, number=200) for fdm in (flying, bare)] for _ in range(40)]
-        return np.min(rounds, axis=0)
-
-    # In turns, so that both meet the machine's quiet moments; anew, for where an instance lies in memory can
-    # double its time.
-    times = np.full(2, np.inf)
-    for _ in range(10):
-        times = np.minimum(times, seconds())
-        if times[0] <= 2.05 * times[1]:
-            break
-    assert (times[0] - times[1]) / times[1] <= 1.1, times / 200
