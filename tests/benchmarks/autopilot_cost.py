@@ -2,8 +2,9 @@
 
     python tests/benchmarks/autopilot_cost.py
 
-The bare model has the same properties and no equations. The two step in turns, so that both meet the machine's
-quiet moments, and anew each round, for where an instance lies in memory can double its time; minima count.
+The bare model has the same properties and no equations. The two step in turns, so that both meet the
+machine's quiet moments, and anew each round, for where an instance lies in memory can double its time;
+minima count.
 Not part of pass or fail. The target is at most 1.1.
 """
 
