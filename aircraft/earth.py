@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+M_PER_FT = 0.3048
+
 _A_M = 6378137.0
 _B_M = 6356752.3142
 _E2 = 1.0 - (_B_M / _A_M) ** 2

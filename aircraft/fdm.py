@@ -16,84 +16,16 @@ from numpy.typing import NDArray
 from aircraft import starting
 from aircraft.airframe import Airframe
 from aircraft.autopilot import property_name
-from aircraft.earth import Origin, enu_axes
+from aircraft.earth import M_PER_FT, Origin, enu_axes
+from aircraft.properties import NODES, TELEMETRY
 from aircraft.starting import FdmError, Start, Trim
 
 Array = NDArray[np.float64]
 
-__all__ = ["TELEMETRY", "Fdm", "FdmError", "Start", "Trim", "motions", "positions"]
+__all__ = ["M_PER_FT", "TELEMETRY", "Fdm", "FdmError", "Start", "Trim", "motions", "positions"]
 
-M_PER_FT = 0.3048
 _MILSPEC = 3.0  # JSBSim's number for that turbulence
 _EULER = 1.0  # JSBSim's number for the rectangular Euler integrator
-
-# What the wrapper reads and writes in every airframe, by the name it has here.
-_NODES = {
-    "latitude_ic": "ic/lat-geod-rad",
-    "longitude_ic": "ic/long-gc-rad",
-    "altitude_ic": "ic/h-sl-ft",
-    "ground_ic": "ic/terrain-elevation-ft",
-    "roll_ic": "ic/phi-rad",
-    "pitch_ic": "ic/theta-rad",
-    "yaw_ic": "ic/psi-true-rad",
-    "u_ic": "ic/u-fps",
-    "v_ic": "ic/v-fps",
-    "w_ic": "ic/w-fps",
-    "p_ic": "ic/p-rad_sec",
-    "q_ic": "ic/q-rad_sec",
-    "r_ic": "ic/r-rad_sec",
-    "x": "position/ecef-x-ft",
-    "y": "position/ecef-y-ft",
-    "z": "position/ecef-z-ft",
-    "altitude": "position/geod-alt-ft",
-    "above_ground": "position/h-agl-ft",
-    "u": "velocities/ecef-x-fps",
-    "v": "velocities/ecef-y-fps",
-    "w": "velocities/ecef-z-fps",
-    "climb": "velocities/h-dot-fps",
-    "wind_east": "atmosphere/wind-east-fps",
-    "wind_north": "atmosphere/wind-north-fps",
-    "wind_down": "atmosphere/wind-down-fps",
-    "udot": "accelerations/udot-ft_sec2",
-    "vdot": "accelerations/vdot-ft_sec2",
-    "wdot": "accelerations/wdot-ft_sec2",
-    "pdot": "accelerations/pdot-rad_sec2",
-    "qdot": "accelerations/qdot-rad_sec2",
-    "rdot": "accelerations/rdot-rad_sec2",
-    "alpha": "aero/alpha-rad",
-    "beta": "aero/beta-rad",
-    "elevator": "fcs/elevator-cmd-norm",
-    "aileron": "fcs/aileron-cmd-norm",
-    "throttle": "fcs/throttle-cmd-norm",
-    "rudder": "fcs/rudder-cmd-norm",
-    "velocity_integrator": "simulation/integrator/rate/translational",
-    "on": "ap/on",
-    "v_command": "ap/v-cmd-mps",
-    "omega_command": "ap/omega-cmd-radps",
-    "zeta_command": "ap/zeta-cmd-mps",
-    "omega": "ap/omega-radps",
-    "elevator_wanted": "ap/elevator-norm",
-    "aileron_wanted": "ap/aileron-norm",
-    "throttle_wanted": "ap/throttle-wanted",
-    "climb_integral": "ap/climb-integral-mps2",
-    "speed_integral": "ap/speed-integral-mps2",
-    "turn_integral": "ap/turn-integral-radps",
-}
-
-# Telemetry: name with unit -> property, factor to SI and offset. The airframe's surfaces come on top.
-TELEMETRY = {
-    "roll_rad": ("attitude/phi-rad", 1.0, 0.0),
-    "pitch_rad": ("attitude/theta-rad", 1.0, 0.0),
-    "heading_rad": ("attitude/psi-rad", -1.0, math.pi / 2),  # counter-clockwise from east, as the course
-    "alpha_rad": ("aero/alpha-rad", 1.0, 0.0),
-    "beta_rad": ("aero/beta-rad", 1.0, 0.0),
-    "airspeed_mps": ("velocities/vt-fps", M_PER_FT, 0.0),
-    "load_factor": ("accelerations/Nz", 1.0, 0.0),
-    "throttle": ("fcs/throttle-pos-norm", 1.0, 0.0),
-    "limited_v": ("ap/limited-v", 1.0, 0.0),
-    "limited_omega": ("ap/limited-omega", 1.0, 0.0),
-    "limited_zeta": ("ap/limited-zeta", 1.0, 0.0),
-}
 
 
 class _Quiet(jsbsim.FGLogger):
@@ -136,7 +68,7 @@ class Fdm:
         self.origin = origin
         self._integrator = 0.0  # the one to return to after the first period
         self._fdm = self._load(dt)
-        n = self.nodes = {name: self.node(path) for name, path in _NODES.items()}
+        n = self.nodes = {name: self.node(path) for name, path in NODES.items()}
         surfaces = {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
         self._telemetry = {
             name: (self.node(path), k, offset) for name, (path, k, offset) in (TELEMETRY | surfaces).items()

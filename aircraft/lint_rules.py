@@ -138,12 +138,12 @@ def declared(files: Files) -> set[str]:
 
 def _autopilot(files: Files) -> list[Finding]:
     """The properties that the testbed commands, reads and settles, and a home for every gain."""
-    from aircraft.fdm import _NODES, TELEMETRY
+    from aircraft.properties import NODES, TELEMETRY
 
     have, findings = declared(files), []
     system = next((f for f in files.trees if f.startswith("systems/")), files.model)
     line = files.trees[system].line
-    wanted = {p for p in _NODES.values() if p.startswith("ap/")}
+    wanted = {p for p in NODES.values() if p.startswith("ap/")}
     wanted |= {p for p, _, _ in TELEMETRY.values() if p.startswith("ap/")}
     if missing := sorted(wanted - have):
         message = f"the autopilot has no {', '.join(missing)}"

@@ -58,7 +58,7 @@ def test_the_linear_model_agrees_with_injection(name: str, v: float) -> None:
         # 0.08 dB and 0.8 deg in fact; 3 dB and 17 deg with one period of delay more or less
         assert found.off_db < 1.0 and found.off_deg < 5.0, (loop, found.off_db, found.off_deg)
         assert found.model.phase_deg == pytest.approx(found.measured.phase_deg, abs=5.0)
-        # beyond 30 dB of gain in hand, the equations that run every fourth period show: 41.4 and 40.2 dB
+        # beyond 30 dB of gain in hand, the equations that run every eighth period show: 41.4 and 40.2 dB
         least = 30.0
         assert min(found.model.gain_db, least) == pytest.approx(min(found.measured.gain_db, least), abs=1.0)
         assert found.model.disk == pytest.approx(found.measured.disk, abs=0.02)
