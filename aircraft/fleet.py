@@ -125,7 +125,7 @@ class JsbsimFleet:
         return Command.of(self._rates.copy())
 
     def telemetry(self) -> dict[str, Array]:
-        """The channels of `aircraft.properties.TELEMETRY` and all surfaces, (N,); NaN where an airframe has none."""
+        """The channels of `aircraft.properties.TELEMETRY` and all surfaces, (N,); NaN where there is none."""
         rows = [f.telemetry() for f in self._vehicles]
         names = dict.fromkeys(name for row in rows for name in row)
         return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
