@@ -169,8 +169,7 @@ def answer(
         figures.answer(table, folder)
     rows = [
         {
-            "vehicle": r.vehicle,
-            "n": r.number,
+            "fleet": f"{r.number} {r.vehicle}",
             "air": r.weather,
             "remedy": r.remedy,
             "lost": f"{r.lost}/{r.runs}",
