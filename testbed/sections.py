@@ -16,6 +16,18 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+def _whole(name: str, period_s: float, unit_name: str, unit_s: float) -> None:
+    """ValueError with the nearest remedies unless one period is a whole multiple of the other."""
+    ratio = period_s / unit_s
+    if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
+        below, above = max(1, math.floor(ratio)), max(1, math.ceil(ratio))
+        choices = " or ".join(f"{k * unit_s:g}" for k in sorted({below, above}))
+        raise ValueError(
+            f"{name} period {period_s:g} s is not a multiple of the {unit_name} period {unit_s:g} s;"
+            f" try {choices}"
+        )
+
+
 class Rates(Section):
     """Periods of the flight dynamics, of the filter and of recording; the latter two are multiples."""
 
@@ -25,24 +37,9 @@ class Rates(Section):
 
     @model_validator(mode="after")
     def divide(self) -> Rates:
-        for name in ("filter", "record"):
-            period = getattr(self, f"{name}_dt_s")
-            ratio = period / self.fdm_dt_s
-            if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
-                below, above = max(1, math.floor(ratio)), max(1, math.ceil(ratio))
-                choices = " or ".join(f"{k * self.fdm_dt_s:g}" for k in sorted({below, above}))
-                raise ValueError(
-                    f"{name} period {period:g} s is not a multiple of the FDM period {self.fdm_dt_s:g} s;"
-                    f" try {choices}"
-                )
-        ratio = self.record_dt_s / self.filter_dt_s
-        if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
-            below, above = max(1, math.floor(ratio)), max(1, math.ceil(ratio))
-            choices = " or ".join(f"{k * self.filter_dt_s:g}" for k in sorted({below, above}))
-            raise ValueError(
-                f"record period {self.record_dt_s:g} s is not a multiple of the filter period"
-                f" {self.filter_dt_s:g} s; try {choices}"
-            )
+        _whole("filter", self.filter_dt_s, "FDM", self.fdm_dt_s)
+        _whole("record", self.record_dt_s, "FDM", self.fdm_dt_s)
+        _whole("record", self.record_dt_s, "filter", self.filter_dt_s)
         return self
 
     @property

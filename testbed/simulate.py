@@ -82,7 +82,9 @@ class _Flight:
         started_safe = _check_start(s, barrier, start, i, j, self.force)
         disturbance = catalogue.disturbance(s, rngs)
         air = disturbance.wind(0.0, start)
-        plant = Replay(lambda: catalogue.plant(s, air))
+        # Remembering the flight costs memory that grows with it: only where branches are wanted.
+        replay = Replay(lambda: catalogue.plant(s, air)) if s.checks.manoeuvre_instants else None
+        plant = replay or catalogue.plant(s, air)
         try:
             plant.reset(start, rngs["plant"])
         except RuntimeError as error:  # no steady flight at the start, in this wind
@@ -96,9 +98,9 @@ class _Flight:
         straight = np.linalg.norm(goal - _position(start), axis=-1)
         flown = guarantees.Flown(s, tally, i, j, started_safe, end, straight)
         verdicts = premises(flown, barrier, limits, unflyable(s, barrier)) + guarantees.judge(flown)
-        if s.checks.manoeuvre_instants and end is None:
+        if replay is not None and end is None:
             when = manoeuvre.instants(s, tally.h.worst()[2], s.duration_s)
-            verdicts.append(manoeuvre.fly(s, plant.branch, disturbance.wind, barrier, limits, when, i, j))
+            verdicts.append(manoeuvre.fly(s, replay.branch, disturbance.wind, barrier, limits, when, i, j))
         manifest = _manifest(s, tally, end)
         if isinstance(filter_, Monitor):
             verdicts += guarantees.monitored(filter_.record, s.rates.filter_dt_s)
