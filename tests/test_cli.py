@@ -5,28 +5,18 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from testbed import cli
-
 SHORT = ["--set", "duration_s=0.1"]
 
 
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["testbed", *map(str, arguments)])
-    try:
-        cli.main()
-    except SystemExit as end:
-        return int(end.code or 0)
-    return 0
-
-
 def test_run_prints_the_scorecard_and_writes_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, "run", "paper-2-turn", "--out", tmp_path / "r", *SHORT) == 0
+    assert call("run", "paper-2-turn", "--out", tmp_path / "r", *SHORT) == 0
     out = capsys.readouterr().out
     assert "separation" in out and "safe-set" in out and str(tmp_path / "r") in out.replace("\n", "")
     assert (tmp_path / "r" / "manifest.json").is_file()
@@ -34,18 +24,18 @@ def test_run_prints_the_scorecard_and_writes_the_run(
 
 
 def test_run_as_json_is_json_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, "run", "paper-2-turn", "--json", "--out", tmp_path / "r", *SHORT) == 0
+    assert call("run", "paper-2-turn", "--json", "--out", tmp_path / "r", *SHORT) == 0
     result = json.loads(capsys.readouterr().out)
     assert {g["id"] for g in result["guarantees"]} >= {"separation", "safe-set", "qp-feasibility", "goal"}
 
 
 def test_compare_draws_the_plants_together(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "c"
-    assert call(monkeypatch, "compare", "paper-2-turn", "--out", out, *SHORT) == 0
+    assert call("compare", "paper-2-turn", "--out", out, *SHORT) == 0
     text = capsys.readouterr().out
     assert "unicycle" in text and "jsbsim" in text
     for figure in ("panels", "aircraft"):
@@ -57,15 +47,15 @@ def test_compare_draws_the_plants_together(
 
 
 def test_list_names_every_built_in_scenario(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, "list", "--json") == 0
+    assert call("list", "--json") == 0
     rows = json.loads(capsys.readouterr().out)
     assert "paper-2-turn" in rows and all(rows.values())
 
 
-def test_schema_is_a_json_schema(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(monkeypatch, "schema") == 0
+def test_schema_is_a_json_schema(call: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("schema") == 0
     assert json.loads(capsys.readouterr().out)["properties"]["d_safe_m"]["exclusiveMinimum"] == 0
 
 
@@ -87,10 +77,11 @@ def test_a_mistake_is_one_line_and_leaves_nothing(
     arguments: tuple[str, ...],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., int],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, *arguments) == 2
+    assert call(*arguments) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("flying")]
     assert len(lines) == 1 and lines[0].startswith("error: ")
     assert MISTAKES[arguments] in lines[0]
@@ -98,18 +89,18 @@ def test_a_mistake_is_one_line_and_leaves_nothing(
 
 
 def test_an_unwritable_folder_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("")
-    assert call(monkeypatch, "run", "paper-2-turn", "--out", tmp_path / "file" / "r", *SHORT) == 2
+    assert call("run", "paper-2-turn", "--out", tmp_path / "file" / "r", *SHORT) == 2
     assert "cannot write below" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["run", "compare", "list", "schema"])
 def test_every_command_has_help_with_an_example(
-    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, command, "--help") == 0
+    assert call(command, "--help") == 0
     assert f"Example: testbed {command}" in capsys.readouterr().out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,21 +18,11 @@ from aircraft.linear import margins, model_margins, model_response, modes
 from aircraft.specification import evaluate, turbulence_rows
 from aircraft.statespace import equations, linear_model, loops
 from aircraft.statespace import evaluate as autopilot
-from testbed import cli
 
 
 @pytest.fixture(scope="module")
 def x8() -> Airframe:
     return load("x8")
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["testbed", *map(str, arguments)])
-    try:
-        cli.main()
-    except SystemExit as end:
-        return int(end.code or 0)
-    return 0
 
 
 # -- the linear model
@@ -143,10 +133,14 @@ def test_in_turbulence_rates_are_tracked_and_no_surface_saturates(x8: Airframe) 
 
 @pytest.mark.slow
 def test_describe_prints_tables_and_writes_a_page_that_stands_alone(
-    x8: Airframe, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    x8: Airframe,
+    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    assert call(monkeypatch, "aircraft", "describe", "x8", "--out", tmp_path / "s") == 0
+    assert call("aircraft", "describe", "x8", "--out", tmp_path / "s") == 0
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines()[:-1])) <= 80
     for word in ("Corners", "Dutch roll", "15  13", "elevator", "moderate turbulence", "14.9 (14.8)"):
@@ -160,7 +154,7 @@ def test_describe_prints_tables_and_writes_a_page_that_stands_alone(
     assert all(row["off_db"] < 1 and row["off_deg"] < 5 for row in data["margins"])
     assert data["geometry"]["jxz_kgm2"] == pytest.approx(-0.029, rel=1e-3)
     # the folder is taken: said before anything is flown
-    assert call(monkeypatch, "aircraft", "describe", "x8", "--out", tmp_path / "s") == 2
+    assert call("aircraft", "describe", "x8", "--out", tmp_path / "s") == 2
 
 
 @pytest.mark.parametrize(
@@ -176,30 +170,28 @@ def test_bad_gains_are_one_line(
     change: tuple[str, str],
     message: str,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., int],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     text = (x8.folder / "airframe.toml").read_text()
     assert change[0] in text
     (tmp_path / "airframe.toml").write_text(text.replace(*change, 1))
-    assert call(monkeypatch, "aircraft", "describe", tmp_path) == 2
+    assert call("aircraft", "describe", tmp_path) == 2
     said = capsys.readouterr().err
     assert message in said and len(said.strip().splitlines()) == 1
 
 
-def test_bad_folders_are_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_folders_are_one_line(call: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
     for command in (("describe", "albatross"), ("check", "albatross")):
-        assert call(monkeypatch, "aircraft", *command) == 2
+        assert call("aircraft", *command) == 2
         said = capsys.readouterr().err
         assert "albatross" in said and len(said.strip().splitlines()) == 1
 
 
 def test_check_says_clean_or_names_the_finding(
-    x8: Airframe, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    x8: Airframe, call: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert call(monkeypatch, "aircraft", "check", x8.folder) == 0
+    assert call("aircraft", "check", x8.folder) == 0
     assert "is clean" in capsys.readouterr().out
-    assert call(monkeypatch, "aircraft", "check", tmp_path, "--json") == 1
+    assert call("aircraft", "check", tmp_path, "--json") == 1
     assert json.loads(capsys.readouterr().out)[0]["file"] == "airframe.toml"

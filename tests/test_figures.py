@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 import json
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from testbed import cli
 from testbed.record import Run
 from testbed.report import paper_figures
 from testbed.scenario import load
 from testbed.simulate import run
 from testbed.studies import reproduction
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["testbed", *map(str, arguments)])
-    try:
-        cli.main()
-    except SystemExit as end:
-        return int(end.code or 0)
-    return 0
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +66,11 @@ def test_the_vertices_are_those_published() -> None:
 
 @pytest.mark.slow
 def test_the_command_draws_all_figures_and_prints_the_errors(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "figures"
     asked = ("figures", "--out", out, "--workers", 1, "--set", "duration_s=0.05")
-    assert call(monkeypatch, *asked, "--json") == 0
+    assert call(*asked, "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     assert {f.split(".")[0] for f in answer["files"] if f.endswith(".png")} >= {"fig2", "fig3", "fig6"}
     assert all((out / f).stat().st_size > 100 for f in answer["files"])
@@ -89,7 +79,7 @@ def test_the_command_draws_all_figures_and_prints_the_errors(
     assert len(pd.read_csv(out / "separation.csv")) == 7
     assert (out / "runs" / "published-20-navigation" / "manifest.json").is_file()
     # what this program wrote may be replaced, and only when asked
-    assert call(monkeypatch, *asked) == 2
+    assert call(*asked) == 2
     assert "overwrite" in capsys.readouterr().err
 
 
@@ -106,10 +96,10 @@ def test_a_mistake_is_one_line_and_nothing_is_written(
     arguments: tuple[object, ...],
     says: str,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., int],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert call(monkeypatch, "figures", "--out", tmp_path / "f", *arguments) == 2
+    assert call("figures", "--out", tmp_path / "f", *arguments) == 2
     error = capsys.readouterr().err
     assert says in error and error.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 import json
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from testbed import cli
-
 QUICK = ["--set", "duration_s=1", "--seeds", "2", "--workers", "1"]
 
 
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["testbed", *map(str, arguments)])
-    try:
-        cli.main()
-    except SystemExit as end:
-        return int(end.code or 0)
-    return 0
-
-
 def test_the_ladder_writes_a_row_per_run_and_an_account(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "l"
-    assert call(monkeypatch, "compare", "paper-2-turn", "--ladder", "--out", out, *QUICK) == 0
+    assert call("compare", "paper-2-turn", "--ladder", "--out", out, *QUICK) == 0
     text = capsys.readouterr().out
     assert "6-DOF" in text and "interaction" in text
     table = pd.read_csv(out / "ladder.csv")
@@ -37,10 +26,10 @@ def test_the_ladder_writes_a_row_per_run_and_an_account(
     assert (out / "ladder.png").stat().st_size > 10_000
 
 
-def test_remedies_fly_the_seeds_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_remedies_fly_the_seeds_asked_for(tmp_path: Path, call: Callable[..., int]) -> None:
     out = tmp_path / "r"
     chosen = ["--only", "none", "--only", "lags, buffer 1 m", "--first-seed", "7"]
-    assert call(monkeypatch, "remedies", "paper-2-turn", *chosen, "--out", out, *QUICK) == 0
+    assert call("remedies", "paper-2-turn", *chosen, "--out", out, *QUICK) == 0
     runs = pd.read_csv(out / "runs.csv")
     assert set(runs.seed) == {7, 8} and list(dict.fromkeys(runs.remedy)) == ["none", "lags, buffer 1 m"]
     table = pd.read_csv(out / "remedies.csv")
@@ -61,10 +50,11 @@ def test_a_mistake_is_one_line_and_leaves_nothing(
     arguments: tuple[str, ...],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., int],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, *arguments) == 2
+    assert call(*arguments) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1 and MISTAKES[arguments] in lines[0]
     assert list(tmp_path.iterdir()) == []
@@ -72,7 +62,7 @@ def test_a_mistake_is_one_line_and_leaves_nothing(
 
 @pytest.mark.parametrize("command", ["remedies", "margin", "answer"])
 def test_every_study_has_help_with_an_example(
-    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, command, "--help") == 0
+    assert call(command, "--help") == 0
     assert f"Example: testbed {command}" in capsys.readouterr().out

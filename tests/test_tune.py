@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ import pytest
 from aircraft import gains
 from aircraft.airframe import Airframe, load
 from aircraft.specification import Row, evaluate
-from testbed import cli
 from testbed.errors import UserError
 from testbed.studies import optimising, tuning
 from testbed.studies.optimising import Search, cost, search
@@ -31,15 +30,6 @@ def detuned(tmp_path: Path) -> Path:
     """Gains with which the X8 overshoots its turns."""
     gains.write(tmp_path / "detuned.toml", "x8", {"turn.damping": 0.8}, {"command": "by hand"})
     return tmp_path / "detuned.toml"
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["testbed", *map(str, arguments)])
-    try:
-        cli.main()
-    except SystemExit as end:
-        return int(end.code or 0)
-    return 0
 
 
 # -- gains files
@@ -78,13 +68,13 @@ def test_a_bad_gains_file_is_one_line_and_exit_code_2(
     text: str,
     message: str,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., int],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     import re
 
     (tmp_path / "bad.toml").write_text(text)
-    assert call(monkeypatch, "tune", "x8", "--gains", tmp_path / "bad.toml") == 2
+    assert call("tune", "x8", "--gains", tmp_path / "bad.toml") == 2
     said = capsys.readouterr().err.strip()
     assert re.search(message, said) and len(said.splitlines()) == 1, said
 
@@ -106,9 +96,9 @@ def test_a_bad_gains_file_is_one_line_and_exit_code_2(
     ],
 )
 def test_a_mistake_is_one_line_and_exit_code_2(
-    arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, *arguments) == 2
+    assert call(*arguments) == 2
     said = capsys.readouterr().err.strip()
     assert message in said and len(said.splitlines()) == 1, said
 
@@ -164,12 +154,12 @@ def test_an_interrupted_sweep_goes_on_where_it_was(
 
 @pytest.mark.slow
 def test_more_turn_bandwidth_keeps_two_x8s_farther_apart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = ["rates.filter_dt_s=0.05", "rates.record_dt_s=0.05", "duration_s=13"]
     chosen = [word for s in settings for word in ("--set", s)]
     sweep = ["--sweep", "turn.bandwidth=0.4:2:2", "--scenario", "paper-2-turn"]
-    assert call(monkeypatch, "tune", "x8", *sweep, *chosen, "--out", tmp_path / "s", "--json") == 0
+    assert call("tune", "x8", *sweep, *chosen, "--out", tmp_path / "s", "--json") == 0
     slow, fast = json.loads(capsys.readouterr().out)["rows"]
     # 2.4 and 5.3 m
     assert slow["min_distance_m"] < 4.0 < fast["min_distance_m"]
@@ -216,13 +206,17 @@ def test_a_search_mends_a_detuned_turn_and_repeats_itself(
 
 @pytest.mark.slow
 def test_optimise_writes_gains_that_can_be_given_back(
-    detuned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    detuned: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setitem(optimising.CHANNELS, "turn", (("damping", "bandwidth"), ("turn",)))
     out = tmp_path / "o"
     options = ["--gains", detuned, "--optimise", "--vary", "turn.damping", "--vary", "turn.bandwidth"]
     limits = ["--starts", 1, "--workers", 1, "--evaluations", 40, "--seed", 3]
-    call(monkeypatch, "tune", "x8", *options, *limits, "--out", out)
+    call("tune", "x8", *options, *limits, "--out", out)
     capsys.readouterr()
     text = (out / "gains.toml").read_text()
     assert "--seed 3" in text and "airframe_sha256" in text and "jsbsim" in text
@@ -230,15 +224,15 @@ def test_optimise_writes_gains_that_can_be_given_back(
     assert all(r.met for r in evaluate(tuned, ["turn"]))
     assert not list(tmp_path.glob(".o.*"))
     # the folder is taken
-    assert call(monkeypatch, "tune", "x8", *options, *limits, "--out", out) == 2
+    assert call("tune", "x8", *options, *limits, "--out", out) == 2
 
 
 @pytest.mark.slow
 def test_tune_says_whether_all_bounds_are_met(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    assert call(monkeypatch, "tune", "x8") == 0
+    assert call("tune", "x8") == 0
     out = capsys.readouterr().out
     assert "bounds met" in out and "omega 0 to 11.7 deg/s at 25 m/s" in out
     assert max(map(len, out.splitlines())) <= 80

@@ -1,0 +1,81 @@
+"""What the commands share: their options, and how they load, count and print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from testbed.errors import UserError
+
+if TYPE_CHECKING:
+    from testbed.record import Run
+    from testbed.report.progress import Progress
+    from testbed.scenario import Scenario
+    from testbed.studies.robustness import Found
+
+ScenarioArg = Annotated[str, typer.Argument(help="a built-in scenario (see: testbed list) or a TOML file")]
+SetOption = Annotated[
+    list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="override a field; may be repeated")
+]
+OutOption = Annotated[Path | None, typer.Option("--out", help="folder to write; default runs/NAME")]
+SeedOption = Annotated[int | None, typer.Option("--seed", help="seed of everything random in the run")]
+ForceOption = Annotated[bool, typer.Option("--force", help="fly even from a start outside the safe set")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what an earlier run left there")]
+JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
+
+PlantOption = Annotated[str | None, typer.Option("--plant", help="unicycle, lagged or jsbsim")]
+SeedsOption = Annotated[int, typer.Option("--seeds", help="runs of a study, seeds 1 to this")]
+WorkersOption = Annotated[int | None, typer.Option("--workers", help="processes; default one a core")]
+
+# Studies sample the filter as an autopilot would, 20 Hz, unless told otherwise.
+STUDY_RATES = ("rates.filter_dt_s=0.05", "rates.record_dt_s=1")
+
+
+def count(seeds: int) -> int:
+    if seeds < 1:
+        raise UserError(f"--seeds {seeds}: give at least 1")
+    return seeds
+
+
+def show_study(found: Found, as_json: bool) -> None:
+    from testbed.report.tables import plain_table
+
+    if as_json:
+        from testbed.store import plain
+
+        print(json.dumps(plain({"folder": str(found.folder), "rows": found.rows} | found.data), indent=2))
+        return
+    show(plain_table(found.title, found.rows))
+    for line in found.lines:
+        print(line)
+    print(f"tables and figures: {found.folder}")
+
+
+def scenario_of(source: str, overrides: list[str] | None, seed: int | None, plant: str | None) -> Scenario:
+    from testbed.scenario import load
+
+    extra = [f"seed={seed}"] if seed is not None else []
+    extra += [f"plant={plant}"] if plant is not None else []
+    return load(source, (overrides or []) + extra)
+
+
+def fly_into(s: Scenario, where: Path, force: bool, overwrite: bool) -> Run:
+    from testbed.simulate import run as fly
+
+    with progress() as bar:
+        return fly(s, where, force=force, overwrite=overwrite, progress=bar.track(s.plant))
+
+
+def progress() -> Progress:
+    from testbed.report.progress import Progress
+
+    return Progress()
+
+
+def show(table: object) -> None:
+    from rich.console import Console
+
+    Console().print(table)
