@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
+
+from testbed.campaigns.executor import executor
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -44,15 +44,9 @@ def fly_all(
         for index, job in enumerate(jobs):
             take(index, work(job))
         return list(results.values())
-    # spawn: the same on every platform, and no lock or solver state inherited half-way.
-    with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as pool:
-        waiting: dict[Future[R], int] = {pool.submit(work, job): k for k, job in enumerate(jobs)}
-        try:
-            for future in as_completed(waiting):
-                take(waiting[future], future.result())
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    with executor(count) as pool:
+        for outcome in pool.imap(work, jobs):
+            take(outcome.index, outcome.value())
     return [results[k] for k in range(len(jobs))]
 
 

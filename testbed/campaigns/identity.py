@@ -1,0 +1,55 @@
+"""What a number depends on, as short hashes: equal content, equal name."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent.parent.parent
+_OURS = r"((?:filters|aircraft|testbed)[\w.]*)"
+_IMPORT = re.compile(rf"^\s*(?:from {_OURS} import (\([^)]*\)|.+)|import {_OURS})", re.MULTILINE)
+
+
+def content_id(data: Any) -> str:
+    """16 hex digits for anything that JSON can say, whatever the order of its keys."""
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def modules(start: str = "testbed.simulate") -> list[Path]:
+    """The project's files that `start` can reach by imports, those inside functions included."""
+    found: dict[str, Path] = {}
+    todo = [start]
+    while todo:
+        name = todo.pop()
+        if name in found or (file := _file(name)) is None:
+            continue
+        found[name] = file
+        for package, names, module in _IMPORT.findall(file.read_text(encoding="utf-8")):
+            todo.append(package or module)
+            # `from testbed import catalogue` names modules.
+            todo += [f"{package}.{n.split(' as ')[0].strip(' ()\n')}" for n in names.split(",") if package]
+    return [found[name] for name in sorted(found)]
+
+
+@cache
+def code_id(start: str = "testbed.simulate") -> str:
+    """Of the code that a run is computed by and of the packages it stands on; drawing is not part of it."""
+    from testbed.catalogue import versions
+
+    digest = hashlib.sha256(json.dumps(versions(), sort_keys=True).encode())
+    for file in modules(start):
+        digest.update(str(file.relative_to(ROOT)).encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _file(name: str) -> Path | None:
+    path = ROOT / Path(*name.split("."))
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if file.is_file():
+            return file
+    return None

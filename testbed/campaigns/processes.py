@@ -1,0 +1,95 @@
+"""Processes on this machine: a thread beside each, which hands it one job at a time."""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from types import TracebackType
+from typing import Any, Self
+
+from testbed.campaigns.child import Child, DeathError
+from testbed.campaigns.executor import J, Outcome
+
+_Task = tuple[int, Any] | None
+
+
+class Processes:
+    """`workers` processes (None: one per processor). With one job in each, a death has one culprit."""
+
+    def __init__(self, workers: int | None = None) -> None:
+        self._count = workers or os.cpu_count() or 1
+        self._children: list[Child] = []
+
+    @property
+    def workers(self) -> int:
+        return self._count
+
+    def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
+        while len(self._children) < min(self._count, len(jobs)):
+            self._children.append(Child())
+        todo: queue.SimpleQueue[_Task] = queue.SimpleQueue()
+        for task in enumerate(jobs):
+            todo.put(task)
+        for _ in self._children:
+            todo.put(None)
+        done: queue.Queue[Outcome | Exception] = queue.Queue()
+        threads = [
+            threading.Thread(target=_serve, args=(child, work, todo, done), daemon=True)
+            for child in self._children
+        ]
+        for thread in threads:
+            thread.start()
+        ended = False
+        try:
+            for _ in jobs:
+                outcome = _wait(done)
+                if isinstance(outcome, Exception):
+                    raise outcome
+                yield outcome
+            ended = True
+        finally:
+            if not ended:
+                self._close()
+            for thread in threads:
+                thread.join()
+
+    def _close(self) -> None:
+        for child in self._children:
+            child.close()
+        self._children = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._close()
+
+
+def _serve(
+    child: Child,
+    work: Callable[[Any], Any],
+    todo: queue.SimpleQueue[_Task],
+    done: queue.Queue[Outcome | Exception],
+) -> None:
+    while (task := todo.get()) is not None:
+        try:
+            index, job = task
+            done.put(child.do(index, work, job))
+        except DeathError:
+            return  # closed while it worked
+        except Exception as error:
+            done.put(error)
+            return
+
+
+def _wait(done: queue.Queue[Outcome | Exception]) -> Outcome | Exception:
+    # In turns, for where a wait without end would not hear Ctrl-C.
+    while True:
+        try:
+            return done.get(timeout=1.0)
+        except queue.Empty:
+            continue
