@@ -31,8 +31,8 @@ def modules(start: str = "testbed.simulate") -> list[Path]:
         found[name] = file
         for package, names, module in _IMPORT.findall(file.read_text(encoding="utf-8")):
             todo.append(package or module)
-            # `from testbed import catalogue` names modules.
-            todo += [f"{package}.{n.split(' as ')[0].strip(' ()\n')}" for n in names.split(",") if package]
+            # `from testbed import catalogue` names a module.
+            todo += [f"{package}.{n}" for n in re.findall(r"(\w+)(?: as \w+)?", names)]
     return [found[name] for name in sorted(found)]
 
 
