@@ -122,8 +122,8 @@ def _feasibility(f: Flown) -> Entry:
     e = entry(
         "qp-feasibility", "G4", "the QP has a solution", "Theorems 3, 4", "vehicle-steps without one", ""
     )
-    if f.scenario.filter.kind not in QP_FILTERS:
-        return e | {"why": f"filter '{f.scenario.filter.kind}' solves no QP"}
+    if f.scenario.filter.kind not in QP_FILTERS or f.tally.without_qp:
+        return e | {"why": "the filter solves no QP"}
     failures, inside = sum(f.tally.qp_failures.values()), f.tally.failures_inside
     e.update(value=failures, bound=0, margin=-failures)
     e["detail"] = dict(sorted(f.tally.qp_failures.items())) | {"in_safe_set": inside}
@@ -161,7 +161,7 @@ def _implied(f: Flown) -> Entry:
         "least L_g h u + alpha(h)",
         _unit(f, rate=True),
     )
-    if f.scenario.filter.kind not in QP_FILTERS or not f.i.size:
+    if f.scenario.filter.kind not in QP_FILTERS or not f.i.size or f.tally.without_qp:
         return e | {"why": "no rows"}
     value = at_pair(e, f.tally.rows, f.i, f.j, 0.0)
     if np.isnan(value):

@@ -23,6 +23,7 @@ from testbed import catalogue, guarantees, ledger, manoeuvre
 from testbed.disturbance import Disturbance
 from testbed.errors import UserError
 from testbed.flyable import unflyable
+from testbed.parts import Parts
 from testbed.premises import premises
 from testbed.record import REALISED_COLUMNS, WIND_COLUMNS, Columns, MemorySink, Recorder, Run, Sink
 from testbed.scenario import SCHEMA_VERSION, Scenario
@@ -43,6 +44,7 @@ def run(
     force: bool = False,
     overwrite: bool = False,
     progress: Progress | None = None,
+    parts: Parts | None = None,
 ) -> Run:
     """Fly `scenario` and judge it.
 
@@ -50,16 +52,17 @@ def run(
     force      fly even from a start outside the safe set
     overwrite  replace a run that stands at `out`
     progress   called with (t, duration) in seconds, at every filter step
+    parts      a plant, filter, nominal controller or disturbance of your own; None is the scenario's
     Raises     UserError for a start outside the safe set, two vehicles at one place, or bad files
     """
     if out is None:
         sink = MemorySink()
-        finished = _Flight(scenario, sink, force, progress).fly()
+        finished = _Flight(scenario, sink, force, progress, parts or Parts()).fly()
         finished.tables = sink.tables()
         return finished
     with staged(out, overwrite) as folder:
         writer = RunWriter(folder)
-        writer.finish(_Flight(scenario, writer, force, progress).fly())
+        writer.finish(_Flight(scenario, writer, force, progress, parts or Parts()).fly())
     return load(out)
 
 
@@ -71,6 +74,7 @@ class _Flight:
     sink: Sink
     force: bool
     progress: Progress | None
+    parts: Parts
 
     def fly(self) -> Run:
         began = time.perf_counter()
@@ -80,11 +84,11 @@ class _Flight:
         limits, barrier = catalogue.limits(s), catalogue.barrier(s)
         i, j = all_pairs(s.vehicles)
         started_safe = _check_start(s, barrier, start, i, j, self.force)
-        disturbance = catalogue.disturbance(s, rngs)
+        disturbance = self.parts.disturbance(s, rngs)
         air = disturbance.wind(0.0, start)
         # Remembering the flight costs memory that grows with it: only where branches are wanted.
-        replay = Replay(lambda: catalogue.plant(s, air)) if s.checks.manoeuvre_instants else None
-        plant = replay or catalogue.plant(s, air)
+        replay = Replay(lambda: self.parts.plant(s, air)) if s.checks.manoeuvre_instants else None
+        plant = replay or self.parts.plant(s, air)
         try:
             plant.reset(start, rngs["plant"])
         except RuntimeError as error:  # no steady flight at the start, in this wind
@@ -92,16 +96,20 @@ class _Flight:
         tally = Tally(s.vehicles)
         tally.positions(np.zeros(1), _position(start)[None], goal, s.goal_radius_m, i, j)
         recorder = Recorder(self.sink)
-        filter_ = catalogue.filter_(s, barrier, goal)
+        filter_ = self.parts.filter(s, barrier, goal)
         end = self._loop(plant, disturbance, filter_, barrier, limits, goal, tally, recorder)
         recorder.close()
         straight = np.linalg.norm(goal - _position(start), axis=-1)
         flown = guarantees.Flown(s, tally, i, j, started_safe, end, straight)
-        verdicts = premises(flown, barrier, limits, unflyable(s, barrier)) + guarantees.judge(flown)
+        own = self.parts.own()
+        # What a plant of one's own can fly steadily, nobody has said: that is no pass.
+        unknown = [f"nobody said whether {own['plant']} can fly it"] if "plant" in own else []
+        verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier))
+        verdicts += guarantees.judge(flown)
         if replay is not None and end is None:
             when = manoeuvre.instants(s, tally.h.worst()[2], s.duration_s)
             verdicts.append(manoeuvre.fly(s, replay.branch, disturbance.wind, barrier, limits, when, i, j))
-        manifest = _manifest(s, tally, end)
+        manifest = _manifest(s, tally, end) | ({"parts": own} if own else {})
         if isinstance(filter_, Monitor):
             verdicts += guarantees.monitored(filter_.record, s.rates.filter_dt_s)
             manifest["qp_cost"] = {
@@ -125,7 +133,7 @@ class _Flight:
         """Fly to the end; returns why it ended early, or None."""
         s = self.scenario
         i, j = all_pairs(s.vehicles)
-        nominal, alpha = catalogue.nominal(s, goal, barrier), catalogue.alpha(s)
+        nominal, alpha = self.parts.nominal(s, goal, barrier), catalogue.alpha(s)
         waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
         steps, dt, n = s.filter_steps, s.rates.filter_dt_s, s.rates.fdm_steps
         offsets = s.rates.fdm_dt_s * np.arange(1, n + 1)

@@ -85,6 +85,7 @@ class Tally:
     highest: Array = field(init=False)
     override_steps: Array = field(init=False)
     filter_steps: int = 0
+    solves: bool = False  # whether any QP stood above any vehicle
     qp_failures: dict[str, int] = field(default_factory=dict)
     failures_inside: int = 0
     first_failure: tuple[float, int, str] | None = None
@@ -100,6 +101,11 @@ class Tally:
         self.override_steps = np.zeros(n, dtype=int)
         self._last: Array | None = None
         self._amplitude: Array | None = None
+
+    @property
+    def without_qp(self) -> bool:
+        """Whether decisions were seen, and no QP stood behind any of them."""
+        return self.filter_steps > 0 and not self.solves
 
     def positions(self, t: Array, track: Array, goal: Array, goal_radius: float, i: Array, j: Array) -> None:
         """Take in positions `track` (n, N, 3) at times `t` (n,), for the pairs `i`, `j`."""
@@ -126,6 +132,7 @@ class Tally:
     ) -> None:
         """Take in what the filter chose at `t`, the nominal input, and the rates achieved until then."""
         self.filter_steps += 1
+        self.solves = self.solves or bool(np.any(decision.status != Status.NONE))
         c, low, high = decision.command.array(), limits.lower.array(), limits.upper.array()
         span = np.where(high > low, high - low, 1.0)
         self.command_margin.update(t, (np.minimum(c - low, high - c) / span).min(axis=-1))
