@@ -1,4 +1,4 @@
-"""Honest numbers about many runs: rates with intervals, paired differences. The formulas are scipy's."""
+"""Rates and means of many runs, each with its interval."""
 
 from __future__ import annotations
 
@@ -29,13 +29,18 @@ class Rate:
 
 def rate(outcomes: Sequence[bool] | ArrayLike, confidence: float = 0.95) -> Rate:
     """How often `outcomes` (n,) are True. No runs leave the interval at [0, 1]."""
+    seen = np.asarray(outcomes, dtype=bool)
+    return rate_of(int(seen.sum()), seen.size, confidence)
+
+
+def rate_of(count: int, runs: int, confidence: float = 0.95) -> Rate:
+    """The rate of `count` events in `runs`; ValueError if there are more events than runs."""
     from scipy.stats import binomtest
 
-    seen = np.asarray(outcomes, dtype=bool)
-    if not seen.size:
+    if not runs and not count:
         return Rate(0, 0, 0.0, 1.0, confidence)
-    interval = binomtest(int(seen.sum()), seen.size).proportion_ci(confidence, method="exact")
-    return Rate(int(seen.sum()), seen.size, float(interval.low), float(interval.high), confidence)
+    interval = binomtest(count, runs).proportion_ci(confidence, method="exact")
+    return Rate(count, runs, float(interval.low), float(interval.high), confidence)
 
 
 def zero_event_bound(runs: int, confidence: float = 0.95) -> float:
