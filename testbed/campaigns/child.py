@@ -15,7 +15,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -67,12 +66,11 @@ class Child:
     def pid(self) -> int | None:
         return self._process.pid if self._process is not None else None
 
-    def do(self, index: int, work: Callable[[Any], Any], job: Any) -> Outcome:
-        """The outcome of `work(job)`, after as many tries as its deaths allow.
+    def do(self, index: int, message: bytes) -> Outcome:
+        """The outcome of `work(job)`, pickled as a pair in `message`, after as many tries as deaths allow.
 
         Raises RuntimeError if no process can be started, DeathError once `close` was called.
         """
-        message = pickle.dumps((work, job))
         crashes = kills = failed_starts = killed_starts = 0
         while True:
             try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import queue
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -78,7 +79,7 @@ def _serve(
     while (task := todo.get()) is not None:
         try:
             index, job = task
-            done.put(child.do(index, work, job))
+            done.put(child.do(index, pickle.dumps((work, job))))
         except DeathError:
             return  # closed while it worked
         except Exception as error:
