@@ -1,0 +1,123 @@
+"""The executor over dask.distributed: the same processes, on more machines than one.
+
+Each thread of a Dask worker keeps one child process of ours and waits for it. So a run that aborts takes
+nobody with it, Dask's own processes least of all, which could not tell such a run from its neighbours; what
+Dask adds is that the runs of a lost worker are flown by another.
+"""
+
+from __future__ import annotations
+
+import logging
+import pickle
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from types import TracebackType
+from typing import Any, Self
+
+from testbed.campaigns.child import Child
+from testbed.campaigns.executor import CrashError, J, Outcome
+from testbed.errors import UserError
+
+# Of jobs given to the scheduler for each that can run; more would only fill its memory.
+AHEAD = 3
+# Dask gives a task up after four lost workers; so many times it is given to it again.
+RESUBMITTED = 4
+
+_OWN = threading.local()
+
+
+def on_worker(index: int, message: bytes) -> Outcome:
+    """The task, as a Dask worker's thread does it; the message is nothing to the scheduler."""
+    if not hasattr(_OWN, "child"):
+        _OWN.child = Child()
+    outcome: Outcome = _OWN.child.do(index, message)
+    return outcome
+
+
+class Cluster:
+    """A Dask scheduler's workers. Raises UserError if it cannot be reached, or has no workers."""
+
+    def __init__(self, address: str, timeout_s: float = 5.0) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise UserError(
+                "--cluster: dask.distributed is not installed; pip install 'cbf-jsbsim-testbed[cluster]'"
+            ) from None
+        # What a lost connection means is said below, once.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        self._address = address
+        try:
+            self._client = Client(address, timeout=timeout_s, set_as_default=False)
+        except OSError:
+            raise UserError(
+                f"--cluster {address}: no Dask scheduler answers there within {timeout_s:g} s"
+            ) from None
+        except (ValueError, TypeError) as error:
+            raise UserError(f"--cluster {address}: {error}") from None
+        try:
+            self._client.wait_for_workers(1, timeout=timeout_s)
+        except TimeoutError:
+            self._client.close()
+            raise UserError(
+                f"--cluster {address}: the scheduler has no workers; start some with: dask worker {address}"
+            ) from None
+
+    @property
+    def workers(self) -> int:
+        return sum(self._client.nthreads().values())
+
+    def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
+        from distributed import KilledWorker, as_completed
+
+        todo = iter(range(len(jobs)))
+        running: dict[Any, int] = {}
+        lost: dict[int, int] = {}
+        ended = as_completed(loop=self._client.loop)
+
+        def submit(index: int) -> None:
+            message = pickle.dumps((work, jobs[index]))
+            future = self._client.submit(on_worker, index, message, pure=False)
+            running[future] = index
+            ended.add(future)
+
+        def fill() -> None:
+            while len(running) < AHEAD * max(1, self.workers):
+                index = next(todo, None)
+                if index is None:
+                    return
+                submit(index)
+
+        try:
+            fill()
+            while running:
+                future = next(ended)
+                index = running.pop(future)
+                if future.status == "finished":
+                    yield future.result()
+                elif future.status == "error" and isinstance(error := future.exception(), KilledWorker):
+                    lost[index] = lost.get(index, 0) + 1
+                    if lost[index] < RESUBMITTED:
+                        submit(index)
+                    else:
+                        yield Outcome(
+                            index, None, CrashError("it lost every worker it was given to"), 0.0, ""
+                        )
+                elif future.status == "error":
+                    error = future.exception()
+                    reason = " ".join(f"{type(error).__name__}: {error}".split())
+                    raise UserError(f"--cluster {self._address}: its workers fail with {reason}")
+                else:
+                    raise UserError(f"--cluster {self._address}: the scheduler is gone")
+                fill()
+        finally:
+            for future in running:
+                future.cancel()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._client.close()
