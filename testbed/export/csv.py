@@ -1,0 +1,57 @@
+"""A run as tidy CSV: long tables, one observation a row, the unit in each column's name."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import pandas as pd
+
+from testbed.export.events import Event, events
+from testbed.record import AIRCRAFT_COLUMNS, PAIR_COLUMNS, VEHICLE_COLUMNS, WIND_COLUMNS, Run
+from testbed.store import write_json
+
+MARK = "export.json"
+EVENT_COLUMNS = {
+    "t_s": ("s", "time since the start"),
+    "kind": ("", "the guarantee, or what happened"),
+    "vehicles": ("", "vehicles concerned, counted from 1, joined by -"),
+    "text": ("", "what happened, in words"),
+}
+
+
+def write(run: Run, folder: Path) -> list[Event]:
+    """Write vehicles.csv, pairs.csv, events.csv and columns.csv below `folder`; returns the events.
+
+    Numbers have all their digits: read back they are equal to the run's.
+    """
+    found = events(run)
+    rows = [asdict(e) | {"vehicles": "-".join(map(str, e.vehicles))} for e in found]
+    tables = {
+        "vehicles": run.vehicles,
+        "pairs": run.pairs,
+        "events": pd.DataFrame(rows, columns=list(EVENT_COLUMNS)),
+    }
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n")
+    known = {
+        "vehicles": VEHICLE_COLUMNS | AIRCRAFT_COLUMNS | WIND_COLUMNS,
+        "pairs": PAIR_COLUMNS,
+        "events": EVENT_COLUMNS,
+    }
+    said = [
+        (name, c, *known[name].get(c, (_unit(c), "recorded by the plant")))
+        for name, table in tables.items()
+        for c in table.columns
+    ]
+    pd.DataFrame(said, columns=["table", "column", "unit", "meaning"]).to_csv(
+        folder / "columns.csv", index=False, lineterminator="\n"
+    )
+    write_json(folder / MARK, {"run": run.manifest, "guarantees": run.guarantees})
+    return found
+
+
+def _unit(column: str) -> str:
+    """Of a channel that only its plant knows, such as an airframe's surfaces: what its name ends with."""
+    units = {"rad": "rad", "m": "m", "mps": "m/s", "radps": "rad/s", "s": "s", "mps2": "m/s^2"}
+    return units.get(column.rpartition("_")[2], "")

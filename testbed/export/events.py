@@ -1,0 +1,68 @@
+"""The instants of a run worth jumping to: where a claim broke, where a pair was nearest, why it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from testbed.record import Run
+from testbed.report.tables import number
+from testbed.verdicts import VIOLATED
+
+NO_SOLUTION = ("infeasible", "iteration_limit")
+
+
+@dataclass(frozen=True)
+class Event:
+    """`kind` is a guarantee's id, or `below-ds`, `outside-safe-set`, `no-solution`, `ended-early`.
+
+    vehicles  counted from 1; empty where the event is nobody's in particular
+    """
+
+    t_s: float
+    kind: str
+    vehicles: tuple[int, ...]
+    text: str
+
+
+def events(run: Run) -> list[Event]:
+    """Events in order of time.
+
+    The worst instant of every violated guarantee, and of separation always, is known at every FDM step; the
+    instants at which a pair comes below Ds or leaves the safe set, or a QP loses its solution, are the first
+    recorded ones.
+    """
+    found = [_worst(g) for g in run.guarantees if g["t_s"] is not None and _told(g)]
+    pairs, vehicles = run.pairs, run.vehicles
+    d_safe = run.manifest["scenario"]["d_safe_m"]
+    if len(pairs):
+        for row in _entered(pairs, ["i", "j"], pairs.distance_m < d_safe):
+            text = f"closer than Ds {d_safe:g} m: {row.distance_m:.3f} m"
+            found.append(Event(row.t_s, "below-ds", (row.i, row.j), text))
+        for row in _entered(pairs, ["i", "j"], pairs.h_m < 0.0):
+            found.append(
+                Event(row.t_s, "outside-safe-set", (row.i, row.j), f"out of the safe set: h = {row.h_m:.3f}")
+            )
+    for row in _entered(vehicles, ["vehicle"], vehicles.qp_status.isin(NO_SOLUTION)):
+        text = f"no solution of the QP: {row.qp_status}; flies the evading manoeuvre"
+        found.append(Event(row.t_s, "no-solution", (row.vehicle,), text))
+    if end := run.manifest["ended_early"]:
+        found.append(Event(float(vehicles.t_s.iloc[-1]), "ended-early", (), end))
+    return sorted(found, key=lambda e: (e.t_s, e.kind, e.vehicles))
+
+
+def _told(g: dict) -> bool:
+    return bool(g["verdict"] == VIOLATED or (g["id"] == "separation" and g["value"] is not None))
+
+
+def _worst(g: dict) -> Event:
+    value = f"{g['quantity']} {number(g['value'])} {g['unit']}".rstrip()
+    return Event(float(g["t_s"]), g["id"], tuple(g["vehicles"]), f"{g['id']} {g['verdict']}: {value}")
+
+
+def _entered(table: pd.DataFrame, keys: list[str], inside: pd.Series) -> list:
+    """The rows at which `inside` becomes true, for each vehicle or pair by itself."""
+    before = inside.groupby([table[k] for k in keys]).shift(fill_value=False)
+    return list(table[np.asarray(inside & ~before.astype(bool))].itertuples(index=False))
