@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from testbed import cli_aircraft, cli_studies
+from testbed import cli_aircraft, cli_export, cli_studies
 from testbed.cli_common import (
     ForceOption,
     JsonOption,
@@ -137,6 +137,7 @@ def schema() -> None:
 app.add_typer(cli_studies.app)
 app.add_typer(cli_aircraft.app, name="aircraft")
 app.command("tune", epilog=cli_aircraft.TUNE_EXAMPLES)(cli_aircraft.tune)
+app.command("export", epilog=cli_export.EXAMPLE)(cli_export.export)
 
 
 def main() -> None:
