@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import re
+import shutil
 import tomllib
 from pathlib import Path
 from typing import Annotated
@@ -101,19 +103,42 @@ def names() -> list[str]:
     return sorted(p.parent.name for p in AIRFRAMES.glob("*/airframe.toml"))
 
 
+def folder_of(name_or_folder: str | Path) -> Path:
+    """Where an airframe is: by name in the package, else the path itself, which need not exist."""
+    if isinstance(name_or_folder, str) and name_or_folder in names():
+        return AIRFRAMES / name_or_folder
+    return Path(name_or_folder)
+
+
+def copy(name_or_folder: str, folder: Path) -> Path:
+    """Copy an airframe to a new `folder`, after whose last part the copy is named; returns it.
+
+    Raises  FileExistsError if there is something, ValueError for a name that TOML or JSBSim could not take
+    """
+    if folder.exists():
+        raise FileExistsError(f"{folder} exists; give another folder")
+    if not re.fullmatch(r"[A-Za-z0-9][\w.+-]*", folder.name) or folder.suffix == ".toml":
+        raise ValueError(f"{folder.name!r} cannot name an airframe; use letters, digits, - and _")
+    source = folder_of(name_or_folder)
+    shutil.copytree(source, folder)
+    path = folder / "airframe.toml"
+    text = re.sub(r"^name = .*$", f'name = "{folder.name}"', path.read_text(), count=1, flags=re.M)
+    # The command that remakes the identified lags names its airframe.
+    path.write_text(text.replace(f'identification {source.name}"', f'identification {folder.as_posix()}"'))
+    return folder
+
+
 def load(name_or_folder: str | Path) -> Airframe:
     """An airframe by name (`x8`), by the path of its folder, or of a gains file, which names its base.
 
     Raises  FileNotFoundError naming what is missing, ValueError naming the file and the field that is wrong.
     """
-    folder = Path(name_or_folder)
+    folder = folder_of(name_or_folder)
     if folder.suffix == ".toml":
         from aircraft.gains import read
 
         changed = read(folder)
         return changed.model_copy(update={"name": f"{changed.name}+{folder.stem}"})
-    if isinstance(name_or_folder, str) and name_or_folder in names():
-        folder = AIRFRAMES / name_or_folder
     path = folder / "airframe.toml"
     if not path.is_file():
         raise FileNotFoundError(

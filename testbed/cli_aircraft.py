@@ -1,4 +1,4 @@
-"""Commands about airframes: `aircraft list | describe | check` and `tune`."""
+"""Commands about airframes: `aircraft list | describe | check | copy`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from testbed.cli_common import show_named
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
@@ -37,11 +38,7 @@ def list_(as_json: JsonOption = False) -> None:
     from aircraft.airframe import load, names
 
     rows = {name: load(name).title for name in names()}
-    if as_json:
-        print(json.dumps(rows, indent=2))
-        return
-    for name, title in rows.items():
-        print(f"{name}\n    {title}")
+    show_named(rows, as_json)
 
 
 @app.command(epilog="Example: testbed aircraft describe x8 --out datasheets/x8")
@@ -77,22 +74,25 @@ def describe(
         print(markdown(sheet))
         return
     for title, rows in tables(sheet).items():
-        _table(title, rows)
+        show_table(title, rows)
     if out is not None:
         print(f"page: {out / 'index.html'}")
 
 
-@app.command(epilog="Example: testbed aircraft check my-airframe; exit code 0 clean, 1 findings, 2 bad input")
+@app.command(
+    epilog="Examples: testbed aircraft check x8; testbed aircraft check my-wing;"
+    " exit code 0 clean, 1 findings, 2 bad input"
+)
 def check(
-    path: Annotated[
-        Path, typer.Argument(metavar="PATH", help="an airframe folder: JSBSim XML, airframe.toml")
-    ],
+    name: NameArg,
     as_json: JsonOption = False,
 ) -> None:
-    """Lint an airframe folder: files, properties, inertia, controls, thrust, stall, trim; with remedies."""
+    """Lint an airframe: files, properties, inertia, controls, thrust, stall, trim; with remedies."""
+    from aircraft.airframe import folder_of
     from aircraft.lint import NOT_SEEN
     from aircraft.lint import check as lint
 
+    path = folder_of(name)
     try:
         findings = lint(path)
     except NotADirectoryError as error:
@@ -108,6 +108,32 @@ def check(
         print(f"not checked: {NOT_SEEN}")
     if findings:
         raise typer.Exit(1)
+
+
+@app.command(epilog="Example: testbed aircraft copy x8 my-wing")
+def copy(
+    name: NameArg,
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="the new airframe's; its name is the last part")
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """A copy of an airframe to make your own of: its model, gains and sources in a new folder."""
+    from aircraft.airframe import copy as copied
+
+    airframe_of(name)
+    try:
+        made = copied(name, folder)
+    except (FileExistsError, ValueError) as error:
+        raise UserError(str(error)) from None
+    except OSError as error:
+        raise UserError(f"cannot write {folder}: {error.strerror}") from None
+    files = sorted(str(p.relative_to(made)) for p in made.rglob("*") if p.is_file())
+    if as_json:
+        print(json.dumps({"folder": str(folder), "files": files}, indent=2))
+        return
+    print(f"{folder}: {', '.join(files)}")
+    print(f"next: edit them, then: testbed aircraft check {folder}")
 
 
 def airframe_of(name: str, gains: Path | None = None) -> Airframe:
@@ -135,7 +161,7 @@ def _say(what: str) -> None:
     print(f"{what} ...", file=sys.stderr, flush=True)
 
 
-def _table(title: str, rows: list[dict[str, Any]]) -> None:
+def show_table(title: str, rows: list[dict[str, Any]]) -> None:
     """Rows below their title; a column named `step` becomes lines between them."""
     from rich.console import Console
 
@@ -154,91 +180,3 @@ def _table(title: str, rows: list[dict[str, Any]]) -> None:
         table.title, table.show_header = None, False
         console.print(step)
         console.print(table)
-
-
-def tune(
-    name: NameArg,
-    sweep: Annotated[
-        list[str] | None,
-        typer.Option("--sweep", metavar="GAIN=FROM:TO:COUNT", help="factors of the gain; :abs for values"),
-    ] = None,
-    scenario: Annotated[
-        str | None, typer.Option("--scenario", help="flown at every point of the sweep, for its guarantee")
-    ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="override a scenario field")
-    ] = None,
-    optimise: Annotated[
-        bool, typer.Option("--optimise", help="find gains that meet the specification")
-    ] = False,
-    vary: Annotated[list[str] | None, typer.Option("--vary", metavar="GAIN", help="of --optimise")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="of the first simplex of --optimise")] = 1,
-    starts: Annotated[int, typer.Option("--starts", help="simplices of --optimise, seeds counted up")] = 2,
-    evaluations: Annotated[int, typer.Option("--evaluations", help="at most so many a start")] = 300,
-    gains: GainsOption = None,
-    out: OutOption = None,
-    workers: Annotated[int | None, typer.Option("--workers", help="processes; default one a core")] = None,
-    overwrite: OverwriteOption = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Score an airframe's gains on the step specification; sweep them, a scenario in the loop; optimise them.
-
-    Gains are those of airframe.toml, SECTION.NAME; any unambiguous beginning will do. A sweep's range is in
-    factors of the file's value, in equal ratios: 0.5:2:9 has the value itself in the middle.
-    """
-    from testbed.studies import optimising, tuning
-
-    airframe = airframe_of(name, gains)
-    if scenario and not sweep:
-        raise UserError("--scenario: flown at the points of a --sweep; give one")
-    if sweep and optimise:
-        raise UserError("--sweep and --optimise: one at a time")
-    said = _command(name, sweep, scenario, set_, gains)
-    where = out or Path("runs") / f"{airframe.name}-tune"
-    if sweep:
-        from testbed.scenario import load
-
-        s = load(scenario, [*(set_ or []), "plant=jsbsim"]) if scenario else None
-        swept = [tuning.Sweep.parse(text, airframe) for text in sweep]
-        found = tuning.sweep(
-            airframe, name, swept, s, where, command=said, workers=workers, overwrite=overwrite
-        )
-    elif optimise:
-        said += "".join(f" --vary {v}" for v in vary or [])
-        said += f" --optimise --seed {seed} --starts {starts} --evaluations {evaluations}"
-        found = optimising.optimise(
-            airframe, name, where, command=said, vary=vary or [], seed=seed, starts=starts,
-            evaluations=evaluations, workers=workers, overwrite=overwrite,
-        )  # fmt: skip
-    else:
-        found = tuning.specification(airframe)
-    if as_json:
-        from testbed.store import plain
-
-        print(json.dumps(plain(found.data), indent=2))
-    else:
-        _table(found.title, found.rows)
-        print("\n".join(found.lines))
-    if optimise and not found.met:
-        raise typer.Exit(1)
-
-
-TUNE_EXAMPLES = (
-    "Examples: testbed tune x8;"
-    " testbed tune x8 --sweep turn.bandwidth=0.5:2:9 --scenario paper-2-turn --out sweep;"
-    " testbed tune rascal --optimise --out tuned; testbed tune rascal --gains tuned/gains.toml"
-)
-
-
-def _command(
-    name: str, sweep: list[str] | None, scenario: str | None, set_: list[str] | None, gains: Path | None
-) -> str:
-    """The command that remakes a result: what decides its numbers, and no more."""
-    import shlex
-
-    words = ["testbed", "tune", name]
-    for option, values in (("--sweep", sweep), ("--set", set_)):
-        words += [w for value in values or [] for w in (option, value)]
-    words += ["--scenario", scenario] if scenario else []
-    words += ["--gains", str(gains)] if gains else []
-    return shlex.join(words)

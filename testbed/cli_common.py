@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,6 +39,18 @@ def count(seeds: int) -> int:
     if seeds < 1:
         raise UserError(f"--seeds {seeds}: give at least 1")
     return seeds
+
+
+def show_named(rows: Mapping[str, str], as_json: bool) -> None:
+    """Names, each with a description below it, within 80 columns."""
+    import textwrap
+
+    if as_json:
+        print(json.dumps(dict(rows), indent=2))
+        return
+    for name, description in rows.items():
+        print(name)
+        print(textwrap.indent(textwrap.fill(description, 76), "    "))
 
 
 def show_study(found: Found, as_json: bool) -> None:
