@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from testbed import cli_aircraft, cli_export, cli_studies
+from testbed import cli_aircraft, cli_export, cli_studies, cli_tune
 from testbed.cli_common import (
     ForceOption,
     JsonOption,
@@ -26,12 +26,10 @@ from testbed.cli_common import (
     progress,
     scenario_of,
     show,
+    show_named,
     show_study,
 )
 from testbed.errors import UserError
-
-if TYPE_CHECKING:
-    pass
 
 app = typer.Typer(
     add_completion=False,
@@ -118,25 +116,33 @@ def list_(as_json: JsonOption = False) -> None:
     from testbed.scenario import builtin, load
 
     rows = {name: load(name).description for name in builtin()}
-    if as_json:
-        print(json.dumps(rows, indent=2))
-        return
-    for name, description in rows.items():
-        print(f"{name}\n    {description}")
+    show_named(rows, as_json)
 
 
 @app.command(epilog="Example: testbed schema > scenario.schema.json")
-def schema() -> None:
-    """The JSON Schema of scenario files."""
+def schema(
+    as_markdown: Annotated[
+        bool, typer.Option("--markdown", help="the reference page of the guide instead")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="as JSON Schema, which is the default")] = False,
+) -> None:
+    """The JSON Schema of scenario files, or their reference as Markdown."""
     from testbed.scenario import Scenario
 
+    if as_markdown and as_json:
+        raise UserError("--markdown and --json: one at a time")
+    if as_markdown:
+        from testbed.scenario_page import markdown
+
+        print(markdown(), end="")
+        return
     print(json.dumps(Scenario.model_json_schema(), indent=2))
 
 
 # Commands that live beside this module.
 app.add_typer(cli_studies.app)
 app.add_typer(cli_aircraft.app, name="aircraft")
-app.command("tune", epilog=cli_aircraft.TUNE_EXAMPLES)(cli_aircraft.tune)
+app.command("tune", epilog=cli_tune.TUNE_EXAMPLES)(cli_tune.tune)
 app.command("export", epilog=cli_export.EXAMPLE)(cli_export.export)
 
 
