@@ -32,6 +32,7 @@ MARKS = (
     "answer.json",
     "datasheet.json",
     "tune.json",
+    "campaign.json",
     "export.json",
 )
 
