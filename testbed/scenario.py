@@ -74,6 +74,12 @@ class Scenario(Section):
             )
         if self.start.pattern == "circle" and self.start.places:
             raise ValueError("start.places: listed, but start.pattern is 'circle'; set it to 'list'")
+        for name in ("lateral_offsets_m", "heading_offsets_deg", "height_offsets_m"):
+            given = len(getattr(self.start, name))
+            if given not in (0, self.vehicles):
+                raise ValueError(
+                    f"start.{name}: {given} offsets for {self.vehicles} vehicles; list one each"
+                )
         for name in ("sigma", "zeta_mps", "manoeuvres"):
             values = getattr(self.barrier, name)
             if isinstance(values, list) and len(values) > 1 and len(values) != self.vehicles:

@@ -101,6 +101,15 @@ class Start(Section):
         default=0.0, description="uniform"
     )
     height_perturbation_m: NonNegative = Field(default=0.0, description="uniform")
+    lateral_offsets_m: list[Annotated[float, Field(ge=-1e5, le=1e5)]] = Field(
+        default=[], description="per vehicle, to the left of its course; absent: none"
+    )
+    heading_offsets_deg: list[Annotated[float, Field(ge=-180, le=180)]] = Field(
+        default=[], description="per vehicle, counter-clockwise; absent: none"
+    )
+    height_offsets_m: list[Annotated[float, Field(ge=-1e5, le=1e5)]] = Field(
+        default=[], description="per vehicle, up; absent: none"
+    )
 
 
 class Nominal(Section):

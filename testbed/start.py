@@ -22,7 +22,8 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
 
     On the circle vehicle i (from 0) stands at angle pi + i 2 pi / k, faces the centre plus an offset, and
     its goal is the antipode (Squires et al. 2022, III.D, without the goal's stray pi).
-    Perturbations are drawn whatever their size, so that equal seeds stay paired across scenarios.
+    Perturbations are drawn whatever their size, so that equal seeds stay paired across scenarios; offsets
+    add to them.
     """
     start, n = scenario.start, scenario.vehicles
     if start.pattern == "circle":
@@ -42,7 +43,15 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
         x, y = np.round(x, start.round_decimals), np.round(y, start.round_decimals)
         theta = np.radians(np.round(np.degrees(theta), start.round_decimals))
     lateral, turn, height = rng.uniform(-1.0, 1.0, (3, n))
-    x = x - lateral * start.lateral_perturbation_m * np.sin(theta)
-    y = y + lateral * start.lateral_perturbation_m * np.cos(theta)
-    theta = theta + turn * np.radians(start.heading_perturbation_deg)
-    return State(x, y, theta, z + height * start.height_perturbation_m), goal
+    across = lateral * start.lateral_perturbation_m + _each(start.lateral_offsets_m, n)
+    x, y = x - across * np.sin(theta), y + across * np.cos(theta)
+    turned = turn * np.radians(start.heading_perturbation_deg) + np.radians(
+        _each(start.heading_offsets_deg, n)
+    )
+    up = height * start.height_perturbation_m + _each(start.height_offsets_m, n)
+    return State(x, y, theta + turned, z + up), goal
+
+
+def _each(offsets: list[float], n: int) -> Array:
+    """One offset per vehicle (n,); none listed is none."""
+    return np.asarray(offsets) if offsets else np.zeros(n)

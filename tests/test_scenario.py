@@ -125,6 +125,30 @@ def test_perturbations_stay_inside_their_bounds_and_follow_the_seed() -> None:
     assert 0.8 < np.abs(a.z).max() <= 1
 
 
+def test_offsets_move_the_vehicles_that_they_are_listed_for() -> None:
+    plain, _ = places(load("paper-2-turn"), generators(1)["start"])
+    lists = ["lateral_offsets_m=[3.0, 0.0]", "heading_offsets_deg=[0.0, -4.0]", "height_offsets_m=[0.0, 2.0]"]
+    moved, _ = places(load("paper-2-turn", lists), generators(1)["start"])
+    # Vehicle 1 flies east: to its left is north
+    assert moved.array()[0] == pytest.approx(plain.array()[0] + [0.0, 3.0, 0.0, 0.0])
+    assert moved.array()[1] == pytest.approx(plain.array()[1] + [0.0, 0.0, np.radians(-4.0), 2.0])
+    drawn = ["heading_perturbation_deg=5", "seed=3"]
+    alone, _ = places(load("paper-2-turn", drawn), generators(3)["start"])
+    both, _ = places(load("paper-2-turn", drawn + lists), generators(3)["start"])
+    assert np.degrees(both.theta - alone.theta) == pytest.approx([0.0, -4.0])
+
+
+@pytest.mark.parametrize("name", ["lateral_offsets_m", "heading_offsets_deg", "height_offsets_m"])
+def test_offsets_are_listed_for_every_vehicle_or_none(name: str) -> None:
+    with pytest.raises(UserError, match=rf"start.{name}: 3 offsets for 2 vehicles"):
+        load("paper-2-turn", [f"{name}=[1.0, 2.0, 3.0]"])
+
+
+def test_a_heading_offset_beyond_half_a_turn_is_refused() -> None:
+    with pytest.raises(UserError, match=r"heading_offsets_deg.*180"):
+        load("paper-2-turn", ["heading_offsets_deg=[200.0, 0.0]"])
+
+
 def test_a_resolved_scenario_reads_back_as_itself() -> None:
     for name in builtin():
         s = load(name)
