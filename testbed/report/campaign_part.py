@@ -1,0 +1,123 @@
+"""A campaign as a part of a report: rates and distances of many runs, cell by cell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from testbed.campaigns.folder import MANIFEST, RUNS, SUMMARY
+from testbed.report import embed, settings
+from testbed.report.blocks import KEPT, LOST, OPEN, Block, Fact, Part, Picture, Section, Table, download
+from testbed.report.style import drawing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Cells whose rate stands beside the verdict; all are in the table.
+MOST_FACTS = 24
+
+
+def is_campaign(folder: Path) -> bool:
+    return (folder / MANIFEST).is_file()
+
+
+def part(folder: Path, title: str) -> Part:
+    """The account of a campaign, as far as it was flown."""
+    import pandas as pd
+
+    manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    flown = (folder / SUMMARY).is_file() and (folder / RUNS).is_file()
+    if not flown:
+        return Part(title, "a campaign", OPEN, "The campaign is not finished", ["The same command goes on with it."])
+    found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    cells = found["cells"] if isinstance(found, dict) else found
+    runs = pd.read_parquet(folder / RUNS)
+    guarantee = _guarantee(manifest)
+    facts = [_fact(cell) for cell in cells]
+    lost, held = sum(c["lost"] for c in cells), [c for c in cells if c["lost"] == 0]
+    text = f"{lost} of {sum(c['runs'] for c in cells)} runs lose {guarantee}"
+    if len(cells) > 1:
+        text += f"; none in {len(held)} of {len(cells)} cells"
+    voided = sum(c.get("refused", 0) + c.get("failed", 0) for c in cells)
+    details = [f"A run counts as lost unless {guarantee} holds."]
+    if voided:
+        details.append(f"{voided} of them were refused or failed.")
+    rows = [_row(c) for c in cells]
+    tables: list[Block] = [
+        Table(rows, "A row per cell", downloads=download("cells (CSV)", "cells.csv", pd.DataFrame(rows)))
+    ]
+    return Part(
+        title=title,
+        what=f"A campaign of {len(runs)} runs in {len(cells)} cells, judged on {guarantee}.",
+        status=LOST if lost else KEPT,
+        headline=text,
+        details=details,
+        facts=facts[:MOST_FACTS],
+        sections=[
+            Section("Campaign", [_picture(cells, runs, guarantee, manifest), *tables]),
+            Section("Settings and provenance", settings.of_study(manifest | {"scenario": _base(manifest)})),
+        ],
+    )
+
+
+def _guarantee(manifest: Mapping[str, Any]) -> str:
+    return str(manifest.get("campaign", manifest).get("guarantee", "separation"))
+
+
+def _base(manifest: Mapping[str, Any]) -> Any:
+    base = manifest.get("scenario", manifest.get("base"))
+    return base if isinstance(base, Mapping) else None
+
+
+def _fact(cell: Mapping[str, Any]) -> Fact:
+    text = (
+        f"{cell['lost']} of {cell['runs']} runs lost ({100 * cell['confidence']:g} % interval"
+        f" {100 * cell['rate_low']:.1f} to {100 * cell['rate_high']:.1f} %)"
+    )
+    share = cell["lost"] / cell["runs"] if cell["runs"] else None
+    return Fact(cell["cell"], LOST if cell["lost"] else KEPT, text, share, rate=True)
+
+
+def _row(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers of a cell, what is nested written out."""
+    low, pair = cell["quantile_05"], cell["against_first"] or {}
+    keep = ("cell", "runs", "lost", "rate_low", "rate_high", "refused", "failed", "ended_early", "least")
+    return {k: cell[k] for k in keep} | {
+        "quantile_05": low[0],
+        "median": cell["median"],
+        "decision": cell["decision"],
+        "lost only here": pair.get("only_this"),
+        "lost only in the first": pair.get("only_first"),
+        "p": pair.get("p_value"),
+    }
+
+
+def _picture(cells: list[dict[str, Any]], runs: pd.DataFrame, guarantee: str, manifest: Mapping[str, Any]) -> Picture:
+    from testbed.report.robustness_figures import cells as draw
+
+    column = f"{guarantee.replace('-', '_')}_value"
+    values = [_of_cell(runs, c)[column].dropna().to_numpy(dtype=float) for c in cells]
+    base = _base(manifest) or {}
+    bound = base.get("d_safe_m") if guarantee == "separation" else 0.0
+    with drawing():
+        svg = embed.markup(draw(cells, values, bound, guarantee), "cells")
+    least = "; ".join(f"{c['cell']}: {c['lost']} of {c['runs']} lost" for c in cells[:MOST_FACTS])
+    return Picture(
+        name="cells",
+        caption=f"Left the share of runs that lose {guarantee}, with its interval; right every run's value, its median"
+        " a bar, the bound dotted.",
+        alt=f"Cell by cell: {least}.",
+        svg=svg,
+        downloads=download("every run (CSV)", "runs.csv", runs),
+    )
+
+
+def _of_cell(runs: pd.DataFrame, cell: Mapping[str, Any]) -> pd.DataFrame:
+    for name, value in cell["parameters"].items():
+        # As the table holds them: numbers as floats, words as they are, the rest as JSON.
+        seen = runs[name]
+        known = seen.dtype.kind in "fb" or isinstance(value, str)
+        runs = runs[seen == (value if known else json.dumps(value))]
+    return runs

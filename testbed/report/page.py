@@ -1,0 +1,101 @@
+"""One self-contained page for a folder this program wrote: no network, nothing beside it, ready to print."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from testbed.errors import UserError
+from testbed.record import Run
+from testbed.report.blocks import SIGNS, Part, cell
+
+PAGE_FILE = "report.html"
+SCRIPTS = ("templates/playback-model.js", "templates/playback-view.js", "templates/playback.js")
+
+
+def write(folders: Sequence[Path], out: Path) -> Path:
+    """The page of `folders` as the file `out`, replaced at once. Raises UserError where there is none to make."""
+    text = page([part(folder) for folder in folders])
+    partial = out.with_name(f".{out.name}.partial")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(out)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise UserError(f"cannot write {out}: {error.strerror}") from None
+    return out
+
+
+def write_runs(runs: Mapping[str, Run], folder: Path, title: str) -> Path:
+    """`folder`/report.html of runs that are at hand, with the figures drawn in `folder`."""
+    from testbed.report import run_part
+
+    file = folder / PAGE_FILE
+    file.write_text(page([run_part.part(runs, folder, title)]), encoding="utf-8")
+    return file
+
+
+def part(folder: Path) -> Part:
+    """The account of one folder, chosen by the mark it carries."""
+    from testbed.report import campaign_part, run_part, study_parts
+    from testbed.store import MANIFEST, MARKS, load
+
+    if not folder.is_dir():
+        raise UserError(f"{folder} is no folder; give one that a command wrote")
+    name = folder.resolve().name
+    try:
+        if (folder / "comparison.json").is_file():
+            labels = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))
+            return run_part.part({label: load(folder / label) for label in labels}, folder, name)
+        if (folder / MANIFEST).is_file():
+            run = load(folder)
+            return run_part.part({run.manifest["scenario"]["plant"]: run}, folder, name)
+        for mark, account in study_parts.PARTS.items():
+            if (folder / mark).is_file():
+                return account(folder, name)
+        if campaign_part.is_campaign(folder):
+            return campaign_part.part(folder, name)
+    except (KeyError, ValueError, OSError, IndexError) as error:
+        raise UserError(f"{folder} is damaged: {type(error).__name__}: {error}") from None
+    if (folder / "datasheet.json").is_file():
+        raise UserError(f"{folder} is a datasheet, a page already: {folder / 'index.html'}")
+    raise UserError(f"{folder} holds nothing to report on (none of {', '.join(MARKS)})")
+
+
+def page(parts: Sequence[Part]) -> str:
+    """The page; equal parts give equal text."""
+    from jinja2 import Environment, PackageLoader
+    from markupsafe import Markup
+
+    environment = Environment(loader=PackageLoader("testbed.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(cell=cell, count=_count)
+    environment.globals["signs"] = SIGNS
+    playing = any(block.kind == "playback" for p in parts for s in p.sections for block in s.blocks)
+    script = _script() if playing else ""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return environment.get_template("report.html").render(
+        title=" and ".join(p.title for p in parts),
+        parts=parts,
+        style=Markup((_read("vendor/uplot/uPlot.min.css") if playing else "") + _read("templates/report.css")),
+        script=Markup(script),
+        # Only our own script may run, and nothing may be fetched, whatever a scenario's text says.
+        policy=f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'",
+    )
+
+
+def _script() -> str:
+    code = "\n".join(_read(name) for name in SCRIPTS)
+    return f'{_read("vendor/uplot/uPlot.iife.min.js")}\n(() => {{\n"use strict";\n{code}\n}})();'
+
+
+def _read(name: str) -> str:
+    return (resources.files("testbed.report") / name).read_text(encoding="utf-8")
+
+
+def _count(rows: Sequence[Any]) -> str:
+    return f"{len(rows)} rows"

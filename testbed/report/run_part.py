@@ -1,0 +1,208 @@
+"""One run, or one scenario on several plants, as a part of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from testbed import ledger
+from testbed.record import Run
+from testbed.report import embed, figures, playback, scorecard, settings
+from testbed.report.blocks import Block, Note, Part, Picture, Playback, Scorecard, Section, Table, download
+from testbed.report.style import drawing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Runs = Mapping[str, Run]
+# Rows of a series that travel with a figure, and of paths: a page is no archive, the run folder is.
+SERIES_ROWS, PATH_ROWS = 4001, 20_000
+
+
+def part(runs: Runs, folder: Path | None, title: str) -> Part:
+    """The account of `runs`, one scenario on several plants.
+
+    folder  where figures drawn of them may lie already, as figures/NAME.svg
+    """
+    facts = [scorecard.fact(label, run) for label, run in runs.items()]
+    status, headline = scorecard.headline(facts)
+    first = next(iter(runs.values()))
+    scenario = first.manifest["scenario"]
+    what = f"{scenario['vehicles']} vehicles, Ds {scenario['d_safe_m']:g} m, {scenario['duration_s']:g} s"
+    what += f", filter {scenario['filter']['kind']}, barrier {scenario['barrier']['kind']}"
+    claims = pd.DataFrame(scorecard.csv_rows(runs))
+    sections = [
+        Section(
+            "Scorecard",
+            [
+                Scorecard(scorecard.rows(runs), downloads=download("scorecard (CSV)", "scorecard.csv", claims)),
+            ],
+        ),
+        Section("Playback", [Playback(playback.data(runs))]),
+        Section("Ledger: predicted against realised hdot", _ledger(runs)),
+        Section("The paper's panels", [_panels(runs, folder)]),
+        Section("Tracking: commanded against achieved", _tracking(runs, folder)),
+        Section("Settings and provenance", settings.of_runs(runs)),
+    ]
+    return Part(
+        title=f"{scenario['name']} on {', '.join(runs)}",
+        what=f"{what}. {scenario['description']}".strip().rstrip(".") + f". Folder: {title}",
+        status=status,
+        headline=headline,
+        details=[scorecard.other_claims(label, run) for label, run in runs.items()],
+        facts=facts,
+        sections=[s for s in sections if s.blocks],
+    )
+
+
+def _svg(folder: Path | None, name: str, draw: Callable[[], Figure]) -> str:
+    """The figure's markup, from the folder if it was drawn there."""
+    file = folder / "figures" / f"{name}.svg" if folder is not None else None
+    if file is not None and file.is_file():
+        return embed.inline(file.read_text(encoding="utf-8"), name)
+    with drawing():
+        return embed.markup(draw(), name)
+
+
+def _panels(runs: Runs, folder: Path | None) -> Picture:
+    least = "; ".join(f"{label}: {_least(run)}" for label, run in runs.items())
+    ended = "; ".join(f"{label} {run.manifest['ended_early']}" for label, run in runs.items() if run.manifest["ended_early"])
+    return Picture(
+        name="panels",
+        caption="As in the paper: speed and turn rate of vehicle 1, the smallest distance of any pair, and all paths."
+        " Limits and Ds are dotted.",
+        alt=f"Four panels over time. Smallest distance of any pair: {least}." + (f" Ended early: {ended}." if ended else ""),
+        svg=_svg(folder, "panels", lambda: figures.panels(runs)),
+        downloads=(
+            *download("series (CSV)", "panels.csv", series(runs)),
+            *download("paths (CSV)", "paths.csv", paths(runs)),
+        ),
+    )
+
+
+def _least(run: Run) -> str:
+    e = run.guarantee("separation")
+    return f"{e['value']:.2f} m at {e['t_s']:.2f} s" if e["value"] is not None else "none, there is no pair"
+
+
+def series(runs: Runs) -> pd.DataFrame:
+    """What the panels and the tracking figure draw: a row per plant and time, thinned to SERIES_ROWS each."""
+    made = []
+    for label, run in runs.items():
+        rows = figures.one(run).reset_index(drop=True)
+        kept = _thin(run, rows.t_s.to_numpy(), SERIES_ROWS // len(runs))
+        drop = ["vehicle", "x_m", "y_m", "z_m", *(c for c in rows if c.endswith(("_nominal_mps", "_nominal_radps")))]
+        rows = rows.iloc[kept].drop(columns=drop).add_suffix("_vehicle_1").rename(columns={"t_s_vehicle_1": "t_s"})
+        rows.insert(0, "plant", label)
+        if len(run.pairs):
+            rows["least_distance_m"] = run.pairs.groupby("t_s").distance_m.min().to_numpy()[kept]
+            rows["least_h_m"] = run.pairs.groupby("t_s").h_m.min().to_numpy()[kept]
+        made.append(rows)
+    return pd.concat(made, ignore_index=True)
+
+
+def paths(runs: Runs) -> pd.DataFrame:
+    """Where every vehicle was, thinned to PATH_ROWS in all."""
+    made = []
+    for label, run in runs.items():
+        n = run.manifest["scenario"]["vehicles"]
+        t = run.vehicles.t_s.to_numpy()[::n]
+        kept = t[_thin(run, t, PATH_ROWS // (n * len(runs)))]
+        rows = run.vehicles.loc[run.vehicles.t_s.isin(kept), ["t_s", "vehicle", "x_m", "y_m", "z_m"]].round(4)
+        rows.insert(0, "plant", label)
+        made.append(rows)
+    return pd.concat(made, ignore_index=True)
+
+
+def _thin(run: Run, t: np.ndarray, most: int) -> np.ndarray:
+    return playback.frames(t, max(2, most), [g["t_s"] for g in run.guarantees if g["t_s"] is not None])
+
+
+def _ledger(runs: Runs) -> list[Block]:
+    """Quantiles of the residual by channel, and the worst moments, of each run that has pairs near."""
+    found = {label: ledger.summary(run) for label, run in runs.items() if len(run.pairs)}
+    rows = [
+        {"plant": label, "channel": channel}
+        | {_level(q): x for q, x in of.items() if q in ("0", "0.05", "0.5", "0.95", "1")}
+        for label, s in found.items()
+        for channel, of in s["quantiles"].items()
+    ]
+    if not rows:
+        return []
+    worst = [
+        {"plant": label, "t [s]": w["t_s"], "vehicles": " and ".join(map(str, w["vehicles"])), "h [m]": w["h_m"]}
+        | {"residual [m/s]": w["residual_mps"]}
+        | {f"{c} [m/s]": w[c] for c in ledger.CHANNELS}
+        for label, s in found.items()
+        for w in s["worst"]
+    ]
+    near = next(iter(found.values()))["near_h_m"]
+    return [
+        Note(
+            "Realised minus predicted hdot of recorded pairs with h below"
+            f" {near:g} m: negative is clearance lost against what the unicycle model promised. Each channel's part"
+            " is what its tracking error took."
+        ),
+        Table(rows, "Residual by channel [m/s], quantiles", downloads=download("CSV", "ledger.csv", pd.DataFrame(rows))),
+        Table(worst, "The five worst moments of each run", downloads=download("CSV", "ledger-worst.csv", pd.DataFrame(worst))),
+    ]
+
+
+def _level(q: str) -> str:
+    return {"0": "least", "0.5": "median", "1": "most"}.get(q, f"{100 * float(q):g} %")
+
+
+def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
+    flown = {label: run for label, run in runs.items() if run.manifest["scenario"]["plant"] != "unicycle"}
+    if not flown:
+        return []
+    rows = [row for label, run in flown.items() for row in tracking(label, run)]
+    blocks: list[Block] = [
+        Table(
+            rows,
+            "Achieved minus commanded, all vehicles, at recorded times",
+            downloads=download("CSV", "tracking.csv", pd.DataFrame(rows)),
+        )
+    ]
+    aircraft = {label: run for label, run in flown.items() if "roll_rad" in run.vehicles}
+    if aircraft:
+        blocks.append(
+            Picture(
+                name="aircraft",
+                caption="Vehicle 1: bank and sideslip, and tracking errors on the three channels.",
+                alt="Five series over time of vehicle 1. "
+                + " ".join(f"{r['plant']}: {r['channel']} error at most {r['largest']:.3g}." for r in rows),
+                svg=_svg(folder, "aircraft", lambda: figures.aircraft(aircraft)),
+                downloads=download("series (CSV)", "aircraft.csv", series(aircraft)),
+            )
+        )
+    return blocks
+
+
+def tracking(label: str, run: Run) -> list[dict[str, Any]]:
+    """RMS and largest tracking error of each channel over all vehicles, and where the largest was."""
+    table, made = run.vehicles, []
+    for channel, unit, shown, scale in (
+        ("v", "mps", "m/s", 1.0),
+        ("omega", "radps", "deg/s", np.degrees(1.0)),
+        ("zeta", "mps", "m/s", 1.0),
+    ):
+        error = scale * (table[f"{channel}_{unit}"] - table[f"{channel}_command_{unit}"]).to_numpy()
+        k = int(np.argmax(np.abs(error)))
+        made.append(
+            {
+                "plant": label,
+                "channel": f"{channel} [{shown}]",
+                "rms": float(np.sqrt(np.mean(error**2))),
+                "median": float(np.median(np.abs(error))),
+                "largest": float(abs(error[k])),
+                "at [s]": float(table.t_s.iloc[k]),
+                "vehicle": int(table.vehicle.iloc[k]),
+            }
+        )
+    return made
+
