@@ -1,0 +1,172 @@
+"""The campaign file: a base scenario, the axes it is varied along, what is drawn, how many seeds. TOML."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from aircraft.textfile import parse_toml, read_toml
+from testbed.errors import UserError, nearest, short
+from testbed.scenario import explain
+from testbed.sections import Name, Section
+
+SCHEMA_VERSION = 1
+MOST_RUNS = 1_000_000
+Seed = Annotated[int, Field(ge=0, le=2**62)]
+Values = Annotated[list[Any], Field(min_length=1, max_length=10_000)]
+Guarantee = Literal[
+    "separation",
+    "safe-set",
+    "barrier-condition",
+    "zcbf-condition",
+    "qp-feasibility",
+    "command-limits",
+    "rows-satisfied",
+    "goal",
+    "manoeuvre-keeps-Ds",
+]
+Two = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class Distribution(Section):
+    """What a field is drawn from, once a run, from the run's seed: one of these."""
+
+    uniform: Two | None = Field(default=None, description="[low, high]")
+    loguniform: Two | None = Field(default=None, description="[low, high], both above 0")
+    normal: Two | None = Field(default=None, description="[mean, standard deviation]")
+    integers: Annotated[list[int], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="[lowest, highest], both included"
+    )
+    choice: Values | None = Field(default=None, description="one of these, equally likely")
+    low: float | None = Field(default=None, description="with normal: nothing below")
+    high: float | None = Field(default=None, description="with normal: nothing above")
+
+    @model_validator(mode="after")
+    def one_kind(self) -> Distribution:
+        kinds = ("uniform", "loguniform", "normal", "integers", "choice")
+        said = [k for k in kinds if getattr(self, k) is not None]
+        if len(said) != 1:
+            raise ValueError(
+                f"say one of {', '.join(kinds)}" + (f", not {' and '.join(said)}" if said else "")
+            )
+        kind = said[0]
+        if kind != "normal" and (self.low is not None or self.high is not None):
+            raise ValueError(f"{kind}: low and high go with normal")
+        if kind in ("uniform", "loguniform", "integers"):
+            low, high = getattr(self, kind)
+            if low > high:
+                raise ValueError(f"{kind}: {low:g} is above {high:g}")
+            if kind == "loguniform" and low <= 0:
+                raise ValueError(f"loguniform: {low:g} is not above 0")
+        if self.normal is not None:
+            if self.normal[1] <= 0:
+                raise ValueError(f"normal: standard deviation {self.normal[1]:g} is not above 0")
+            if self.low is not None and self.high is not None and self.low >= self.high:
+                raise ValueError(f"low {self.low:g} is not below high {self.high:g}")
+        return self
+
+
+class Stop(Section):
+    """Looks planned beforehand: a cell is flown on until its rate is surely below or above `target`."""
+
+    looks: Annotated[list[int], Field(min_length=1, max_length=1000)] = Field(
+        description="numbers of seeds after which to look, increasing; the last is the most that are flown"
+    )
+    target: Annotated[float, Field(gt=0, lt=1)] = Field(description="rate of runs that lose the guarantee")
+    alpha: Annotated[float, Field(gt=0, lt=1)] = Field(
+        default=0.05, description="error, split over the looks"
+    )
+    spending: Literal["equal", "obrien-fleming"] = "equal"
+
+    @model_validator(mode="after")
+    def increasing(self) -> Stop:
+        if self.looks[0] < 1 or sorted(set(self.looks)) != self.looks:
+            raise ValueError(f"looks {self.looks}: give increasing numbers of seeds, such as [50, 100, 200]")
+        return self
+
+
+class Campaign(Section):
+    """Every cell (plant x filter x remedy x variant x grid) is flown from the same seeds."""
+
+    schema_version: Literal[1] = SCHEMA_VERSION
+    name: Name
+    description: Annotated[str, Field(max_length=2000)] = ""
+    scenario: str = Field(description="a built-in scenario or a file, from the campaign file's folder")
+    seeds: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = Field(
+        default=None, description="how many; with [stop] the last look says it"
+    )
+    first_seed: Seed = 1
+    guarantee: Guarantee = Field(default="separation", description="whose violations are counted, looked at")
+    keep: Literal["none", "violations", "all"] = Field(default="none", description="run folders to keep")
+    force: bool = Field(default=True, description="fly starts outside the safe set too; `start-safe` tells")
+    set: dict[str, Any] = Field(default={}, description="fields of the base scenario")
+    plants: list[str] = Field(default=[], description="axis: unicycle, lagged, jsbsim")
+    filters: list[str] = Field(default=[], description="axis: filter.kind")
+    remedies: list[str] = Field(default=[], description="axis: by name, as `testbed remedies` has them")
+    variants: dict[str, dict[str, Any]] = Field(default={}, description="axis: several fields under one name")
+    grid: dict[str, Values] = Field(default={}, description="axes: field -> values")
+    random: dict[str, Distribution] = Field(default={}, description="field -> what it is drawn from")
+    stop: Stop | None = None
+
+    @model_validator(mode="after")
+    def consistent(self) -> Campaign:
+        if self.stop is None and self.seeds is None:
+            raise ValueError("seeds: say how many")
+        if self.stop is not None and self.seeds not in (None, self.stop.looks[-1]):
+            raise ValueError(f"seeds: {self.seeds}, but the last of stop.looks is {self.stop.looks[-1]}")
+        for axis in ("plants", "filters", "remedies"):
+            twice = {v for v in getattr(self, axis) if getattr(self, axis).count(v) > 1}
+            if twice:
+                raise ValueError(f"{axis}: {min(twice)!r} is listed twice")
+        return self
+
+    @property
+    def seed_list(self) -> range:
+        count = self.stop.looks[-1] if self.stop is not None else self.seeds
+        assert count is not None
+        return range(self.first_seed, self.first_seed + count)
+
+
+@cache
+def builtin() -> dict[str, str]:
+    """Campaigns that come with the package: name -> TOML text."""
+    folder = resources.files("testbed.campaigns") / "files"
+    return {
+        f.name.removesuffix(".toml"): f.read_text(encoding="utf-8")
+        for f in sorted(folder.iterdir(), key=lambda f: f.name)
+        if f.name.endswith(".toml")
+    }
+
+
+def load(source: str) -> tuple[Campaign, Path]:
+    """A campaign by name (`head-on-x8`) or file, and the folder its scenario's path starts from.
+
+    Raises UserError in one line, with the file and the field's path.
+    """
+    name = source.removesuffix(".toml")
+    path = Path(source)
+    try:
+        if path.is_file() or name not in builtin():
+            if path.suffix != ".toml" and not path.exists():
+                raise UserError(f"unknown campaign {short(source)!r}; {nearest(name, builtin())}")
+            data = read_toml(path)
+        else:
+            data = parse_toml(builtin()[name])
+    except FileNotFoundError:
+        raise UserError(f"campaign file {short(source)} does not exist; {nearest(name, builtin())}") from None
+    except OSError as error:  # a name no file can have
+        raise UserError(f"campaign file {short(source)}: {error.strerror}") from None
+    except ValueError as error:
+        raise UserError(f"{source}: {error}") from None
+    return parse(data, source), path.parent
+
+
+def parse(data: dict[str, Any], where: str) -> Campaign:
+    try:
+        return Campaign.model_validate(data)
+    except ValidationError as error:
+        raise UserError(f"{where}: {explain(error, Campaign)}") from None

@@ -1,0 +1,95 @@
+"""One run of a campaign, as a worker flies it: a job in, a row of plain data out."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from testbed.campaigns.identity import code_id
+from testbed.errors import UserError, short
+from testbed.record import Run
+from testbed.scenario import Scenario, parse
+from testbed.simulate import run
+from testbed.store import plain
+from testbed.verdicts import HOLDS
+
+FLOWN, REFUSED, FAILED = "flown", "refused", "failed"
+
+# What a run itself cannot be blamed for: without disk or memory the campaign stops, and resumes.
+NOT_THE_RUNS = (OSError, MemoryError)
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run to fly.
+
+    data    the resolved scenario as JSON
+    code    `code_id` of the campaign: other code would give other numbers under the same name
+    folder  where its run folder goes; None keeps none
+    unless  with a folder: it is removed again if this guarantee holds; "" keeps it always
+    """
+
+    data: str
+    code: str
+    force: bool
+    folder: Path | None = None
+    unless: str = ""
+
+
+def fly(job: Job) -> dict[str, Any]:
+    """The row of one run: status, reason, and (value, verdict) of every guarantee.
+
+    A scenario that is refused, or an error within the run, is a row. Raises UserError if this process runs
+    other code, OSError or MemoryError if the machine has no room.
+    """
+    if code_id() != job.code:
+        raise UserError(f"a worker runs other code ({code_id()}) than this campaign began with ({job.code})")
+    try:
+        return row(_flown(parse(json.loads(job.data)), job))
+    except NOT_THE_RUNS:
+        raise
+    except UserError as error:
+        if isinstance(error.__context__, NOT_THE_RUNS):
+            raise
+        return blank(REFUSED, str(error))
+    except Exception as error:
+        return blank(FAILED, f"{type(error).__name__}: {short(' '.join(str(error).split()))}")
+
+
+def blank(status: str, reason: str) -> dict[str, Any]:
+    """The row of a run without results."""
+    return {"status": status, "reason": reason, "ended_early": None, "guarantees": {}}
+
+
+def row(done: Run) -> dict[str, Any]:
+    found = {g["id"]: [_number(g["value"]), g["verdict"]] for g in done.guarantees}
+    return {
+        "status": FLOWN,
+        "reason": None,
+        "ended_early": done.manifest["ended_early"],
+        "guarantees": plain(found),
+    }
+
+
+def lost(result: dict[str, Any], guarantee: str) -> bool:
+    """Whether a run did not keep the guarantee: one that is missing, void or ended early did not."""
+    return bool(result["guarantees"].get(guarantee, [None, ""])[1] != HOLDS)
+
+
+def _flown(s: Scenario, job: Job) -> Run:
+    if job.folder is None:
+        # Verdicts are tracked at every step whatever is recorded.
+        steps = max(1, s.filter_steps)
+        rates = s.rates.model_copy(update={"record_dt_s": steps * s.rates.filter_dt_s})
+        return run(s.model_copy(update={"rates": rates}), force=job.force)
+    done = run(s, job.folder, force=job.force, overwrite=True)
+    if job.unless and not lost(row(done), job.unless):
+        shutil.rmtree(job.folder)
+    return done
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)

@@ -1,0 +1,218 @@
+"""From a campaign to its runs: cells times seeds, each run named by what it depends on."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+from collections.abc import Container, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from testbed import catalogue, scenario
+from testbed.campaigns.draw import draw
+from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
+from testbed.campaigns.identity import code_id, content_id
+from testbed.errors import UserError, nearest
+from testbed.scenario import Scenario, assign, field_path
+
+Fields = dict[tuple[str, ...], Any]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One combination of the axes' values.
+
+    parameters  axis -> value, as the tables show it
+    data        the scenario, but for seed and draws
+    """
+
+    number: int
+    parameters: dict[str, Any]
+    data: dict[str, Any]
+
+    @property
+    def label(self) -> str:
+        return ", ".join(f"{k} {v}" for k, v in self.parameters.items()) or "all"
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One run: `id` is the hash of its resolved scenario, the code and the airframes' files."""
+
+    id: str
+    cell: int
+    seed: int
+    draws: dict[str, Any]
+
+
+@dataclass
+class Plan:
+    """Every run there may be, cell by cell in the axes' order and seed by seed."""
+
+    campaign: Campaign
+    base: Scenario
+    code: str
+    cells: list[Cell]
+    runs: list[Planned]
+    id: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        stop = self.campaign.stop.model_dump() if self.campaign.stop else None
+        says = [self.campaign.guarantee, stop, self.campaign.keep, self.campaign.force]
+        self.id = content_id([[r.id for r in self.runs], [c.parameters for c in self.cells], says])
+
+    def of(self, cell: int) -> list[Planned]:
+        n = len(self.campaign.seed_list)
+        return self.runs[cell * n : (cell + 1) * n]
+
+    def data(self, run: Planned) -> dict[str, Any]:
+        """The run's scenario as plain data."""
+        return _resolved(self.cells[run.cell].data, run.draws, run.seed).model_dump(mode="json")
+
+
+def base(campaign: Campaign, folder: Path) -> Scenario:
+    """The scenario that a campaign varies; a path is meant from `folder`, the campaign file's."""
+    source = campaign.scenario
+    if source not in scenario.builtin() and not Path(source).is_absolute():
+        source = str(folder / source)
+    data = scenario.load(source).model_dump(mode="json")
+    for name, value in campaign.set.items():
+        assign(data, _path(name, "set"), value)
+    return scenario.parse(data, "set" if campaign.set else source)
+
+
+def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan:
+    """All runs of `campaign` on the base scenario `start`, under this code's name unless another is given.
+
+    Raises UserError naming the axis, the cell or the seed whose scenario is refused, or a field set twice.
+    """
+    axes = _axes(campaign, start)
+    drawn = {".".join(_path(name, "random")): d for name, d in campaign.random.items()}
+    _once(axes, drawn)
+    seeds = campaign.seed_list
+    count = len(seeds)
+    for options in axes.values():
+        count *= len(options)
+    if count > MOST_RUNS:
+        raise UserError(f"{campaign.name}: {count} runs are more than {MOST_RUNS}; thin an axis or the seeds")
+    code, hashes = code or code_id(), _Hashes()
+    cells, runs = [], []
+    for number, chosen in enumerate(itertools.product(*(o.items() for o in axes.values()))):
+        parameters = dict(zip(axes, (label for label, _ in chosen), strict=True))
+        cell = _cell(number, parameters, [fields for _, fields in chosen], campaign, start, drawn)
+        cells.append(cell)
+        for seed in seeds:
+            draws = {path: draw(d, seed, path) for path, d in drawn.items()}
+            if seed == seeds[0] or draws:
+                where = f"{campaign.name}, {cell.label}" + (f", seed {seed}" if draws else "")
+                s = _resolved(cell.data, draws, seed, where)
+                content, own = s.model_dump(mode="json"), hashes.of(s)
+            run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own])
+            runs.append(Planned(run, number, seed, draws))
+    return Plan(campaign, start, code, cells, runs)
+
+
+def _axes(campaign: Campaign, start: Scenario) -> dict[str, dict[Any, Fields]]:
+    """Axis -> label -> the fields it sets. Remedies' fields depend on the cell and come later."""
+    axes: dict[str, dict[Any, Fields]] = {}
+    if campaign.plants:
+        axes["plant"] = {p: {("plant",): p} for p in campaign.plants}
+    if campaign.filters:
+        axes["filter.kind"] = {f: {("filter", "kind"): f} for f in campaign.filters}
+    if campaign.variants:
+        axes["variant"] = {
+            name: {_path(f, f"variants.{name}"): v for f, v in fields.items()}
+            for name, fields in campaign.variants.items()
+        }
+    for name, values in campaign.grid.items():
+        path = _path(name, "grid")
+        axes[".".join(path)] = {_label(v): {path: v} for v in values}
+        if len(axes[".".join(path)]) < len(values):
+            raise UserError(f"{campaign.name}: grid.{name}: a value is listed twice")
+    if campaign.remedies:
+        axes["remedy"] = {name: {} for name in campaign.remedies}
+    return axes
+
+
+def _cell(
+    number: int,
+    parameters: dict[str, Any],
+    chosen: list[Fields],
+    campaign: Campaign,
+    start: Scenario,
+    drawn: Container[str],
+) -> Cell:
+    fields: Fields = {}
+    for more in chosen:
+        fields |= more
+    data = start.model_dump(mode="json")
+    for path, value in fields.items():
+        assign(data, path, copy.deepcopy(value))
+    if "remedy" in parameters:
+        from testbed.studies.remedies import catalogue as remedies
+
+        where = ", ".join(f"{k} {v}" for k, v in parameters.items() if k != "remedy")
+        known = remedies(scenario.parse(data, f"{campaign.name}, {where}" if where else campaign.name))
+        name = parameters["remedy"]
+        if name not in known:
+            raise UserError(
+                f"{campaign.name}: remedies: {name!r} is unknown{' with ' + where if where else ''};"
+                f" {nearest(name, known)}"
+            )
+        for dotted, value in known[name].items():
+            path = tuple(dotted.split("."))
+            if path in fields or dotted in drawn:
+                raise UserError(f"{campaign.name}: {dotted} is set by remedy {name!r} and once more")
+            assign(data, path, value)
+    return Cell(number, parameters, data)
+
+
+def _resolved(data: dict[str, Any], draws: dict[str, Any], seed: int, where: str = "campaign") -> Scenario:
+    made = copy.deepcopy(data) | {"seed": seed}
+    for path, value in draws.items():
+        assign(made, tuple(path.split(".")), value)
+    return scenario.parse(made, where)
+
+
+def _path(name: str, where: str) -> tuple[str, ...]:
+    path = field_path(name, f"{where}.")
+    if path == ("seed",):
+        raise UserError(f"{where}.seed: say seeds and first_seed")
+    return path
+
+
+def _once(axes: dict[str, dict[Any, Fields]], drawn: dict[str, Any]) -> None:
+    """UserError if two axes, or an axis and a distribution, set one field."""
+    setters: dict[str, str] = {}
+    claims = [(".".join(p), axis) for axis, o in axes.items() for fields in o.values() for p in fields]
+    for path, by in itertools.chain(claims, ((path, "random") for path in drawn)):
+        if setters.setdefault(path, by) != by:
+            raise UserError(f"{path}: set by both {setters[path]} and {by}")
+
+
+def _label(value: Any) -> Any:
+    """A grid's value as a parameter: numbers, words and truth as they are, lists as text."""
+    return value if isinstance(value, bool | int | float | str) else repr(value)
+
+
+class _Hashes:
+    """The airframes' hashes, read once for each set of airframes."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, ...], dict[str, str]] = {}
+
+    def of(self, s: Scenario) -> dict[str, str]:
+        known = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
+        if s.plant != "jsbsim" and not known:
+            return {}
+        key = tuple(s.airframes)
+        if key not in self._known:
+            self._known[key] = {a.name: a.fingerprint() for a in catalogue.airframes(s)}
+        return self._known[key]
+
+
+def rounds(plan: Plan) -> Iterator[tuple[int, int]]:
+    """(from, to) places in the list of seeds between looks; one round without a stopping rule."""
+    looks = plan.campaign.stop.looks if plan.campaign.stop else [len(plan.campaign.seed_list)]
+    return itertools.pairwise([0, *looks])

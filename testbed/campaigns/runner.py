@@ -1,0 +1,226 @@
+"""Flying a campaign into its folder, from the beginning or from where it was interrupted."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from testbed import scenario
+from testbed.campaigns import file, folder, tables
+from testbed.campaigns.executor import CrashError, Executor, Outcome
+from testbed.campaigns.file import SCHEMA_VERSION, Campaign
+from testbed.campaigns.flight import FAILED, Job, blank, fly, lost
+from testbed.campaigns.plan import Plan, Planned, base, expand, rounds
+from testbed.campaigns.view import View
+from testbed.catalogue import versions
+from testbed.errors import UserError
+from testbed.statistics import Look
+from testbed.statistics import Plan as Looks
+from testbed.store import write_json
+
+
+@dataclass
+class Progress:
+    """What is done of a plan: the runs to fly so far, as looks have it, and the rows that there are.
+
+    looks  cell -> what its last look said; empty without a stopping rule
+    """
+
+    plan: Plan
+    entries: dict[str, dict[str, Any]]
+    wanted: list[Planned] = field(default_factory=list)
+    looks: dict[int, Look] = field(default_factory=dict)
+
+    @property
+    def missing(self) -> list[Planned]:
+        return [r for r in self.wanted if r.id not in self.entries]
+
+    @property
+    def complete(self) -> bool:
+        return not self.missing
+
+    def lost(self, run: Planned) -> bool:
+        return lost(self.entries[run.id]["row"], self.plan.campaign.guarantee)
+
+
+def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
+    """The plan of a campaign by name or file, its folder made; that of the same campaign is gone on with.
+
+    Raises UserError for a malformed file, or a folder that holds something else.
+    """
+    campaign, here = file.load(source)
+    plan = expand(campaign, base(campaign, here))
+    if (out / folder.MANIFEST).is_file():
+        found = folder.manifest(out)
+        if found.get("id") == plan.id:
+            return plan
+        if not overwrite:
+            theirs = found.get("name")
+            other = "of other content or code" if theirs == campaign.name else repr(theirs)
+            raise UserError(f"{out} belongs to another campaign, {other}; give another --out, or --overwrite")
+        with folder.locked(out):
+            pass
+    folder.create(out, _manifest(plan), overwrite)
+    return plan
+
+
+def reopen(out: Path, to_fly: bool = True) -> Plan:
+    """The plan that a folder was made for; UserError if what it depends on has changed since.
+
+    to_fly  False: the code may have changed, nothing will be flown
+    """
+    found = folder.manifest(out)
+    if found.get("schema_version") != SCHEMA_VERSION:
+        raise UserError(f"{out} has schema version {found.get('schema_version')}, not {SCHEMA_VERSION}")
+    campaign = file.parse(found["campaign"], str(out / folder.MANIFEST))
+    plan = expand(campaign, scenario.parse(found["base"], str(out / folder.MANIFEST)), None if to_fly else found["code"])
+    if plan.id != found["id"]:
+        raise UserError(
+            f"{out} was begun by other code, packages or airframe files (code {found['code']}, now"
+            f" {plan.code}); go on with those, or run it anew into another folder"
+        )
+    return plan
+
+
+def progress(plan: Plan, entries: dict[str, dict[str, Any]]) -> Progress:
+    """How far the rows reach: round by round, and no round before the one before it is whole."""
+    made = Progress(plan, entries)
+    stop = plan.campaign.stop
+    looks = Looks(tuple(stop.looks), stop.target, stop.alpha, stop.spending) if stop else None
+    active = [c.number for c in plan.cells]
+    for number, (first, last) in enumerate(rounds(plan), 1):
+        # Seed by seed over all cells: a campaign cut short has compared like with like.
+        made.wanted += [plan.of(cell)[k] for k in range(first, last) for cell in active]
+        if looks is None or not made.complete:
+            break
+        for cell in active:
+            events = sum(made.lost(r) for r in plan.of(cell)[:last])
+            made.looks[cell] = looks.look(number, events)
+        active = [cell for cell in active if not made.looks[cell].final]
+    return made
+
+
+def fly_all(plan: Plan, out: Path, pool: Executor, view: View) -> Progress:
+    """Fly what is missing, and write the tables once nothing is.
+
+    Raises UserError, saying how to go on, if the disk is full or the workers fail; what is flown is kept.
+    """
+    with folder.locked(out), terminable():
+        _sweep(out)
+        journal = folder.Journal(out)
+        state = progress(plan, journal.entries)
+        try:
+            with view.showing(state, len({r.id for r in plan.runs}), pool):
+                while not state.complete:
+                    _round(state, out, pool, journal, view)
+                    state = progress(plan, journal.entries)
+            _finish(state, out)
+        except OSError as error:
+            raise UserError(f"{out}: {error.strerror or error}; {hint(state, out)}") from None
+        except (UserError, RuntimeError, MemoryError) as error:
+            raise UserError(f"{error or 'out of memory'}; {hint(state, out)}") from None
+    return state
+
+
+def hint(state: Progress, out: Path) -> str:
+    return f"{len(state.entries)} runs are kept, go on with: testbed campaign resume {out}"
+
+
+def _round(state: Progress, out: Path, pool: Executor, journal: folder.Journal, view: View) -> None:
+    missing = list({r.id: r for r in state.missing}.values())
+    for outcome in pool.imap(fly, _Jobs(state.plan, missing, out)):
+        row = _row(outcome)
+        timing = {"wall_s": outcome.wall_s, "worker": outcome.worker, "ended_unix_s": time.time()}
+        journal.keep(missing[outcome.index].id, row, timing)
+        view.done(row)
+
+
+def _row(outcome: Outcome) -> dict[str, Any]:
+    if isinstance(outcome.error, CrashError):
+        return blank(FAILED, str(outcome.error))
+    if isinstance(outcome.error, UserError | OSError | MemoryError):
+        raise outcome.error
+    if outcome.error is not None:
+        raise RuntimeError(f"a worker failed: {type(outcome.error).__name__}: {outcome.error}")
+    row: dict[str, Any] = outcome.result
+    return row
+
+
+class _Jobs(Sequence[Job]):
+    """Jobs made when they are asked for: scenarios of a hundred thousand runs would fill the memory."""
+
+    def __init__(self, plan: Plan, runs: list[Planned], out: Path) -> None:
+        self._plan, self._runs, self._out = plan, runs, out.resolve()
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    def __getitem__(self, index: Any) -> Any:
+        run, campaign = self._runs[index], self._plan.campaign
+        data = json.dumps(self._plan.data(run))
+        if campaign.keep == "none":
+            return Job(data, self._plan.code, campaign.force)
+        where = self._out / "runs" / run.id
+        unless = campaign.guarantee if campaign.keep == "violations" else ""
+        return Job(data, self._plan.code, campaign.force, where, unless)
+
+
+def _finish(state: Progress, out: Path) -> None:
+    from testbed.campaigns.summary import summary
+
+    # Cell by cell in the tables, whatever the order of flight.
+    wanted = {id(r) for r in state.wanted}
+    flown = [r for r in state.plan.runs if id(r) in wanted]
+    tables.write(out, state.plan, flown, state.entries)
+    data = {"campaign": state.plan.campaign.name, "runs": len(flown), "cells": summary(state)}
+    folder.replace(out / folder.SUMMARY, lambda partial: write_json(partial, data))
+
+
+def _sweep(out: Path) -> None:
+    """Away with what an interrupted process left half-written. Only with the lock."""
+    for partial in [*out.glob(".*.partial"), *(out / "runs").glob(".*.partial-*")]:
+        shutil.rmtree(partial, ignore_errors=True) if partial.is_dir() else partial.unlink()
+
+
+def _manifest(plan: Plan) -> dict[str, Any]:
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "name": plan.campaign.name,
+        "id": plan.id,
+        "code": plan.code,
+        "versions": versions(),
+        "runs": len(plan.runs),
+        "campaign": plan.campaign.model_dump(mode="json"),
+        "base": plan.base.model_dump(mode="json"),
+    }
+
+
+class TerminatedError(KeyboardInterrupt):
+    """SIGTERM: the same orderly end as Ctrl-C."""
+
+
+@contextmanager
+def terminable() -> Iterator[None]:
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise TerminatedError
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # not in the main thread, where no signal arrives either
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+__all__ = ["Campaign", "Progress", "fly_all", "hint", "prepare", "progress", "reopen"]

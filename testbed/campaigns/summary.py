@@ -1,0 +1,91 @@
+"""What a campaign's rows say, cell by cell. The statistics are `testbed.statistics`'."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from testbed.campaigns.flight import FAILED, REFUSED
+from testbed.statistics import paired_verdicts, quantile, rate
+
+if TYPE_CHECKING:
+    from testbed.campaigns.runner import Progress
+
+
+def summary(state: Progress) -> list[dict[str, Any]]:
+    """Per cell: how many runs lost the guarantee, with the Clopper-Pearson interval; its least value, 5 %
+    quantile (distribution-free interval) and median; the pairs of equal seeds against the first cell.
+
+    A run counts as lost unless the guarantee holds: refused and failed ones too, which are counted beside.
+    With a stopping rule the interval is that of the look that stopped the cell.
+    """
+    guarantee = state.plan.campaign.guarantee
+    first: np.ndarray | None = None
+    rows = []
+    for cell in state.plan.cells:
+        runs = [r for r in state.plan.of(cell.number) if r.id in state.entries]
+        found = [state.entries[r.id]["row"] for r in runs]
+        outcomes = np.array([state.lost(r) for r in runs], dtype=bool)
+        look = state.looks.get(cell.number)
+        seen = look.rate if look is not None and look.rate.runs == len(runs) else rate(outcomes)
+        values = [row["guarantees"].get(guarantee, [None])[0] for row in found]
+        numbers = np.array([v for v in values if v is not None], dtype=float)
+        low = quantile(numbers, 0.05)
+        row: dict[str, Any] = {
+            "cell": cell.label,
+            "parameters": cell.parameters,
+            "runs": len(runs),
+            "lost": seen.count,
+            "rate_low": seen.low,
+            "rate_high": seen.high,
+            "confidence": seen.confidence,
+            "refused": sum(r["status"] == REFUSED for r in found),
+            "failed": sum(r["status"] == FAILED for r in found),
+            "ended_early": sum(r["ended_early"] is not None for r in found),
+            "least": float(numbers.min()) if numbers.size else None,
+            "quantile_05": [low.value, low.low, low.high],
+            "median": float(np.median(numbers)) if numbers.size else None,
+            "decision": str(look.decision) if look is not None else None,
+            "against_first": None,
+        }
+        if first is None:
+            first = outcomes
+        elif n := min(first.size, outcomes.size):
+            pairs = paired_verdicts(first[:n], outcomes[:n])
+            row["against_first"] = {
+                "only_first": pairs.only_first,
+                "only_this": pairs.only_second,
+                "p_value": pairs.p_value,
+            }
+        rows.append(row)
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows as a terminal shows them."""
+
+    def number(value: float | None) -> str:
+        return "" if value is None else f"{value:.2f}"
+
+    shown = []
+    for r in rows:
+        line = {
+            "cell": r["cell"],
+            "lost": f"{r['lost']}/{r['runs']}",
+            f"{100 * r['confidence']:.3g} % CI": f"{100 * r['rate_low']:.1f}-{100 * r['rate_high']:.1f} %",
+            "least": number(r["least"]),
+            "median": number(r["median"]),
+        }
+        for name in ("refused", "failed"):
+            if any(q[name] for q in rows):
+                line[name] = r[name]
+        if any(q["decision"] for q in rows):
+            line["rate is"] = r["decision"] or ""
+        if len(rows) > 1:
+            pair = r["against_first"]
+            line["against first"] = (
+                f"{pair['only_this']}:{pair['only_first']}, p {pair['p_value']:.2g}" if pair else ""
+            )
+        shown.append(line)
+    return shown
