@@ -32,6 +32,7 @@ class Flown:
     started_safe  whether h >= 0 for all pairs at t = 0
     end           why the run ended before its time, or None
     straight      (N,) m, distance from start to goal
+    alone_s       (N,) s, that way to within the goal radius at the nominal speed; None if unknown
     """
 
     scenario: Scenario
@@ -41,6 +42,7 @@ class Flown:
     started_safe: bool
     end: str | None
     straight: np.ndarray
+    alone_s: np.ndarray | None = None
 
 
 def judge(f: Flown) -> list[Entry]:
@@ -149,6 +151,8 @@ def _limits(f: Flown) -> Entry:
     low, high = f.tally.lowest.min(axis=0), f.tally.highest.max(axis=0)
     names = ("v_mps", "omega_radps", "zeta_mps")
     e["detail"] = {f"achieved_{n}": [float(a), float(b)] for n, a, b in zip(names, low, high, strict=True)}
+    if shares := f.tally.saturation.shares():
+        e["detail"]["share_at_stop"] = shares
     return decide(e, value >= 0.0, f.end)
 
 
@@ -206,16 +210,20 @@ def _work(f: Flown) -> Entry:
     worst = int(np.argmax(share))
     e.update(value=float(share[worst]), vehicles=[worst + 1])
     e["why"] = "reported, not judged"
-    added = tally.path - (f.straight - f.scenario.goal_radius_m)
+    path = tally.path - (f.straight - f.scenario.goal_radius_m)
+    time = tally.passed - (f.alone_s if f.alone_s is not None else np.nan)
     e["detail"] = {
         "altered_v_m": float(tally.altered[:, 0].sum()),
         "altered_omega_rad": float(tally.altered[:, 1].sum()),
         "altered_zeta_m": float(tally.altered[:, 2].sum()),
-        "path_added_m": [
-            float(a) if np.isfinite(p) else None for a, p in zip(added, tally.passed, strict=True)
-        ],
+        "path_added_m": _known(np.where(np.isfinite(tally.passed), path, np.nan)),
+        "time_added_s": _known(time),
     }
     return e
+
+
+def _known(values: np.ndarray) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 # Of the monitor's checks, those that are premises of a theorem, not conclusions.

@@ -210,8 +210,8 @@ class Checks(Section):
     """Checks that cost more than watching the run."""
 
     manoeuvre_instants: Annotated[int, Field(ge=0, le=1000)] = Field(
-        default=4,
-        description="instants, besides that of least h, from which vehicles really fly gamma; 0 is none",
+        default=6,
+        description="instants from which vehicles really fly gamma, most where pairs drew near; 0 is none",
     )
 
 

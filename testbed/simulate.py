@@ -20,16 +20,19 @@ from filters.monitor import Monitor
 from filters.qp import Status
 from filters.unicycle import Array, Command, Limits, State, View
 from testbed import catalogue, guarantees, ledger, manoeuvre
+from testbed.approach import Approach
 from testbed.disturbance import Disturbance
 from testbed.errors import UserError
 from testbed.flyable import unflyable
 from testbed.parts import Parts
 from testbed.premises import premises
 from testbed.record import REALISED_COLUMNS, WIND_COLUMNS, Columns, MemorySink, Recorder, Run, Sink
+from testbed.saturation import Saturation
 from testbed.scenario import SCHEMA_VERSION, Scenario
 from testbed.start import generators, places
 from testbed.store import RunWriter, load, staged
 from testbed.tally import Tally
+from testbed.undisturbed import straight_s
 
 Progress = Callable[[float, float], None]
 # Gusts change within a long filter period: the air is asked at least so often [s].
@@ -93,21 +96,26 @@ class _Flight:
             plant.reset(start, rngs["plant"])
         except RuntimeError as error:  # no steady flight at the start, in this wind
             raise UserError(f"start: {error}") from None
-        tally = Tally(s.vehicles)
+        aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in self.parts.own() else []
+        approach = Approach(i.size, s.d_safe_m) if replay else None
+        tally = Tally(s.vehicles, Saturation(aircraft), approach)
         tally.positions(np.zeros(1), _position(start)[None], goal, s.goal_radius_m, i, j)
         recorder = Recorder(self.sink)
         filter_ = self.parts.filter(s, barrier, goal)
         end = self._loop(plant, disturbance, filter_, barrier, limits, goal, tally, recorder)
         recorder.close()
         straight = np.linalg.norm(goal - _position(start), axis=-1)
-        flown = guarantees.Flown(s, tally, i, j, started_safe, end, straight)
+        nominal = self.parts.nominal(s, goal, barrier)
+        alone_s = straight_s(nominal, limits, _position(start), goal, s.goal_radius_m)
+        flown = guarantees.Flown(s, tally, i, j, started_safe, end, straight, alone_s)
         own = self.parts.own()
         # What a plant of one's own can fly steadily, nobody has said: that is no pass.
         unknown = [f"nobody said whether {own['plant']} can fly it"] if "plant" in own else []
         verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier))
         verdicts += guarantees.judge(flown)
-        if replay is not None and end is None:
-            when = manoeuvre.instants(s, tally.h.worst()[2], s.duration_s)
+        if replay is not None and approach is not None and end is None:
+            approach.close()
+            when = manoeuvre.instants(s, approach, s.duration_s)
             verdicts.append(manoeuvre.fly(s, replay.branch, disturbance.wind, barrier, limits, when, i, j))
         manifest = _manifest(s, tally, end) | ({"parts": own} if own else {})
         if isinstance(filter_, Monitor):
@@ -167,6 +175,7 @@ class _Flight:
                 before = _Before(true, lie, alpha_h, decision.command, rates, telemetry)
                 open_row = _pair_rows(t, truth, decision, true, lie) if recording else None
             if recording:
+                tally.saturation.update(telemetry)
                 further = telemetry | (_wind_columns(air) if disturbance.windy else {})
                 recorder.add("vehicles", _vehicle_rows(t, truth, rates, wanted, decision, further))
             if self.progress is not None:

@@ -10,6 +10,8 @@ from filters.barrier import PairValues
 from filters.collision import Decision
 from filters.qp import Status
 from filters.unicycle import Array, Command, Limits
+from testbed.approach import Approach
+from testbed.saturation import Saturation
 
 # |h| [m] below which a pair stands at the boundary of the safe set.
 BOUNDARY_M = 0.05
@@ -65,9 +67,14 @@ class Tally:
     path            m, flown until then, or in all
     altered         (N, 3) integral of |u - clip(u_hat)|: m, rad, m
     lowest, highest (N, 3) achieved rates
+
+    saturation  surfaces and throttle at their stops
+    approach    where pairs drew nearest, if anybody asks
     """
 
     vehicles: int
+    saturation: Saturation = field(default_factory=Saturation)
+    approach: Approach | None = None
     separation: Extreme = field(init=False)
     between: Extreme = field(init=False)
     h: Extreme = field(init=False)
@@ -159,6 +166,8 @@ class Tally:
     ) -> None:
         """Take in the unmodified barrier at the true state: h, L_g h (P, 3) each, alpha(h) (P,)."""
         self.h.update(t, true.h)
+        if self.approach is not None:
+            self.approach.update(t, true.h)
         low, high = limits.lower.array(), limits.upper.array()
         best, least = alpha.copy(), alpha.copy()
         for side, vehicle in zip(lie, (true.i, true.j), strict=True):

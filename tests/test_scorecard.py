@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import functools
 
+import numpy as np
 import pytest
 
+from aircraft.airframe import load as load_airframe
+from filters.barrier import TurnBarrier
+from filters.collision import Decision
+from filters.qp import Status
+from filters.unicycle import Command, Limits, State, View
+from testbed.parts import Parts
 from testbed.record import Run
+from testbed.saturation import Saturation
 from testbed.scenario import load
 from testbed.simulate import run
 
@@ -116,23 +124,114 @@ def test_a_state_known_late_by_a_known_time_is_judged_on_the_truth() -> None:
     assert seen >= true - 1e-9
 
 
-def test_gamma_flown_from_a_safe_state_keeps_ds_on_unicycles_and_not_on_slow_vehicles() -> None:
-    kept = flown("manoeuvre_instants=20", "filter_dt_s=0.02", "record_dt_s=0.02")
-    entry = kept.guarantee("manoeuvre-keeps-Ds")
+FINE = ("filter_dt_s=0.02", "record_dt_s=0.02")
+
+
+def test_gamma_flown_from_a_safe_state_keeps_what_h_promises_on_unicycles() -> None:
+    entry = flown("manoeuvre_instants=20", *FINE).guarantee("manoeuvre-keeps-Ds")
     assert entry["verdict"] == "holds"
-    # h's promise is kept to the FDM's sampling: 0.02 m
-    assert max(row["short_m"] for row in entry["detail"]["branches"]) < 0.02
-    slow = flown(
-        "plant=lagged",
-        "lags.source=table",
-        "lags.omega_time_constant_s=1.5",
-        "manoeuvre_instants=40",
-        "lookahead_m=10",
-        "filter_dt_s=0.02",
-        "record_dt_s=0.02",
-    ).guarantee("manoeuvre-keeps-Ds")
-    assert slow["verdict"] == "violated"
-    assert max(row["short_m"] for row in slow["detail"]["branches"]) > 1.0
+    rows = entry["detail"]["branches"]
+    # to the FDM's sampling: 0.02 m
+    assert len(rows) == 20 and max(row["short_m"] for row in rows) < 0.02
+
+
+DELAY_S = 0.4
+
+
+def delayed(seconds: float) -> Run:
+    """Vehicles that hear of a turn `seconds` late and fly on straight until then; no filter asks for one."""
+    instant = [f"lags.{channel}_time_constant_s=0" for channel in ("v", "omega", "zeta")]
+    table = ["plant=lagged", "lags.source=table", f"lags.omega_delay_s={seconds}", *instant]
+    return flown(*table, *FINE, "filter.kind=none", "course_offset_deg=0", "duration_s=9")
+
+
+def test_on_vehicles_that_turn_late_gamma_reaches_what_h_says_of_where_they_will_be() -> None:
+    late = delayed(DELAY_S)
+    entry = late.guarantee("manoeuvre-keeps-Ds")
+    rows = entry["detail"]["branches"]
+    assert len(rows) == 6
+    barrier = TurnBarrier(16.0, np.radians(11.7), 5.0, 0.01)
+    v = late.vehicles
+    for row in rows:
+        at = v[np.isclose(v.t_s, row["t_s"])]
+        theta, ahead = at.theta_rad.to_numpy(), 16.0 * DELAY_S
+        x, y = at.x_m + ahead * np.cos(theta), at.y_m + ahead * np.sin(theta)
+        turning = State(x.to_numpy(), y.to_numpy(), theta, at.z_m.to_numpy())
+        if row["safe_pairs"]:
+            # to one FDM period, in which the channels ramp, at 25 m/s each
+            assert row["least_m"] == pytest.approx(5.0 + barrier.values(turning).h[0], abs=0.15)
+    assert entry["verdict"] == "violated"
+    assert min(row["least_m"] for row in rows if row["safe_pairs"]) < 4.0
+    assert delayed(0.0).guarantee("manoeuvre-keeps-Ds")["verdict"] == "holds"
+
+
+def test_the_default_instants_find_the_window_in_which_an_aircrafts_gamma_fails() -> None:
+    """Flown from every 0.1 s, gamma falls short of Ds from 7.05 to 8.3 s, by 0.67 m at most, at 7.2 s."""
+    entry = flown("plant=jsbsim", "duration_s=9").guarantee("manoeuvre-keeps-Ds")
+    assert entry["verdict"] == "violated"
+    assert 7.0 < entry["t_s"] < 7.9 and entry["value"] == pytest.approx(4.35, abs=0.15)
+    worst = min(entry["detail"]["branches"], key=lambda row: row.get("least_m", np.inf))
+    assert worst["h"] > 0.0 and worst["promised_m"] > 5.0
+
+
+def test_a_manoeuvre_outside_the_limits_leaves_no_input_and_is_not_flown_as_promised() -> None:
+    """30 deg/s where 13 are allowed: h promises a turn that nobody may fly."""
+    found = flown("omega_degps=30", "fdm_dt_s=0.02", *FINE)
+    assert found.guarantee("manoeuvre-in-U")["verdict"] == "premise not met"
+    assert found.guarantee("gradient")["verdict"] == "holds"
+    for name in ("zcbf-condition", "qp-feasibility", "manoeuvre-keeps-Ds", "safe-set"):
+        assert found.guarantee(name)["verdict"] == "violated", name
+    assert found.guarantee("qp-feasibility")["detail"]["in_safe_set"] > 0
+
+
+def test_side_by_side_no_input_changes_the_distance() -> None:
+    """Two parallel courses Ds apart: the offset is square to both, so L_g h is zero."""
+    beside = ["x_m=0, course_deg=0, goal_x_m=300, " + f"y_m={y}, goal_y_m={y}" for y in (0, 5)]
+    places = "start.places=[" + ", ".join("{" + p + "}" for p in beside) + "]"
+    found = flown(*NONE, "barrier.kind=euclidean", "start.pattern=list", places, "duration_s=0.1")
+    entry = found.guarantee("gradient")
+    assert entry["verdict"] == "premise not met" and entry["value"] < 1e-9
+
+
+class Reckless:
+    """Asks for 30 m/s of vehicles that have 25."""
+
+    def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
+        zero = np.zeros(len(nominal))
+        none = np.full(len(nominal), Status.NONE)
+        return Decision(Command(zero + 30.0, zero, zero), none, zero, zero > 0, zero, None, zero[:1])
+
+
+def test_a_filter_that_leaves_the_limits_is_found_out() -> None:
+    s = load("paper-2-turn", [*NONE, "duration_s=0.1"])
+    found = run(s, parts=Parts(filter=lambda s, barrier, goal: Reckless()))
+    entry = found.guarantee("command-limits")
+    # 5 m/s beyond, of a range of 10
+    assert entry["verdict"] == "violated" and entry["margin"] == pytest.approx(-0.5)
+    assert verdict("command-limits") == "holds"
+
+
+def test_achieved_rates_and_surfaces_at_their_stops_are_reported() -> None:
+    held = ["plant=jsbsim", *NONE, "duration_s=4", "filter.kind=none", *FINE]
+    detail = flown(*held).guarantee("command-limits")["detail"]
+    low, high = detail["achieved_v_mps"]
+    # from 20 m/s towards the 25 m/s the nominal asks for
+    assert low == pytest.approx(20.0, abs=0.3) and 24.0 < high < 25.5
+    shares = detail["share_at_stop"]
+    assert set(shares) >= {"throttle", "elevon_left_rad", "elevon_right_rad", "limited_v"}
+    # full throttle to accelerate; elevons have nothing to do
+    assert shares["throttle"] > 0.1 and shares["elevon_left_rad"] == 0.0
+    assert "share_at_stop" not in flown(*NONE, *FINE).guarantee("command-limits")["detail"]
+
+
+def test_a_stop_is_the_models_own() -> None:
+    counted = Saturation([load_airframe("x8"), load_airframe("rascal")])
+    stop = np.radians(30.0)
+    nan = np.nan
+    for left, throttle in ((stop, 0.5), (0.0, 0.5), (-0.995 * stop, 1.0), (0.9 * stop, 0.5)):
+        counted.update({"elevon_left_rad": np.array([left, nan]), "throttle": np.array([0.5, throttle])})
+    shares = counted.shares()
+    assert (shares["elevon_left_rad"], shares["throttle"], shares["rudder_rad"]) == (0.5, 0.25, 0.0)
 
 
 def test_the_limited_qp_implies_the_centralised_rows() -> None:
@@ -151,5 +250,8 @@ def test_intervention_is_reported_not_judged() -> None:
     assert entry["detail"]["altered_omega_rad"] > 0.5
     free = flown(*NONE, "filter.kind=none", "filter_dt_s=0.02", "record_dt_s=0.02").guarantee("intervention")
     assert free["value"] == 0.0
-    added, without = (e["detail"]["path_added_m"][0] for e in (entry, free))
-    assert 0.2 < added - without < 2.0
+    for name, least, most in (("path_added_m", 0.2, 2.0), ("time_added_s", 0.01, 0.2)):
+        added, without = (e["detail"][name][0] for e in (entry, free))
+        assert least < added - without < most
+    # alone, a unicycle takes the straight way in the time the nominal speed needs, to one FDM period
+    assert free["detail"]["time_added_s"] == pytest.approx([0.0, 0.0], abs=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import degrees
 from typing import Any
 
 from rich.table import Table
@@ -10,6 +11,8 @@ from rich.text import Text
 
 from testbed.record import Run
 
+# Achieved channel -> unit shown, and its size in the unit recorded.
+CHANNELS = (("v_mps", "m/s", 1.0), ("omega_radps", "deg/s", degrees(1.0)), ("zeta_mps", "m/s", 1.0))
 # A mark as well as a colour, for eyes and for pipes without colour.
 MARKS = {"holds": ("+", "green"), "violated": ("x", "bold red"), "premise not met": ("?", "yellow")}
 
@@ -65,7 +68,27 @@ def cell(entry: dict[str, Any]) -> Text:
             text.append(f" ({'-'.join(map(str, entry['vehicles']))})", style="default")
     if entry["verdict"] != "holds" and entry["why"]:
         text.append(f"\n{entry['why']}", style="dim")
+    for line in further(entry):
+        text.append(f"\n{line}", style="dim")
     return text
+
+
+def further(entry: dict[str, Any]) -> list[str]:
+    """What an entry reports beside its value: rates flown, surfaces at their stops, path and time added."""
+    detail, lines = entry["detail"], []
+    for name, unit, factor in CHANNELS:
+        if ends := detail.get(f"achieved_{name}"):
+            low, high = (factor * end for end in ends)
+            lines.append(f"flown {name.partition('_')[0]} {low:.1f} to {high:.1f} {unit}")
+    if shares := detail.get("share_at_stop"):
+        surfaces = {name: share for name, share in shares.items() if not name.startswith("limited")}
+        worst = max(surfaces, key=lambda name: surfaces[name])
+        lines.append(f"at a stop: {worst} {100 * surfaces[worst]:.1f} % of the time")
+    for name, what, unit in (("path_added_m", "path", "m"), ("time_added_s", "time", "s")):
+        known = [value for value in detail.get(name, []) if value is not None]
+        if known:
+            lines.append(f"{what} added {max(known):+.2f} {unit} at most")
+    return lines
 
 
 def number(value: float) -> str:
