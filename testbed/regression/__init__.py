@@ -1,0 +1,1 @@
+"""Baselines of fidelity: what a project's unicycles and aircraft did, and whether they do worse today."""

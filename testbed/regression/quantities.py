@@ -1,0 +1,110 @@
+"""What a baseline remembers of a run: guarantee values, verdicts, tracking errors, ledger quantiles."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbed import ledger
+from testbed.record import Run
+from testbed.scenario import Scenario, parse
+from testbed.simulate import run
+from testbed.studies.measure import Fields, Job, override
+from testbed.verdicts import HOLDS, NOT_APPLICABLE
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number of a run.
+
+    worse       +1 where a larger one is worse, -1 where a smaller one is
+    resolution  the smallest change worth a word, in `unit`; 0 for verdicts
+    verdict     1 where the claim was lost and 0 where it held, not a measurement
+    """
+
+    name: str
+    unit: str
+    worse: int
+    resolution: float
+    verdict: bool = False
+
+
+# guarantee -> unit, which way is worse, resolution; "h" stands for the unit of h.
+_VALUES = {
+    "separation": ("m", -1, 0.01),
+    "safe-set": ("h", -1, 0.01),
+    "barrier-condition": ("h/s", -1, 0.01),
+    "zcbf-condition": ("h/s", -1, 0.01),
+    "qp-feasibility": ("", +1, 1.0),
+    "goal": ("m", +1, 0.1),
+    "intervention": ("", +1, 0.01),
+}
+# Numbers at rounding size say nothing of these two: only whether they held.
+_JUDGED = (*(name for name in _VALUES if name != "intervention"), "command-limits", "rows-satisfied")
+_TRACKING = {
+    "speed": ("v_mps", "v_command_mps", 1.0, "m/s"),
+    "turn-rate": ("omega_radps", "omega_command_radps", 180.0 / np.pi, "deg/s"),
+    "climb-rate": ("zeta_mps", "zeta_command_mps", 1.0, "m/s"),
+}
+# Part of the ledger's residual -> quantile; the low ones, for a residual below zero loses h.
+_LEDGER = (("total", "0.01"), ("total", "0.05"), *((name, "0.05") for name in ledger.CHANNELS))
+_END = "flown to the end"
+DIGITS = 6
+
+
+def quantities(s: Scenario) -> list[Quantity]:
+    """All that is remembered of a run of `s`, in the order it is shown."""
+    h = "m" if s.barrier.form == "root" else "m^2"
+    found = [Quantity(n, unit.replace("h", h), worse, size) for n, (unit, worse, size) in _VALUES.items()]
+    found += [Quantity(f"{n} tracking", unit, +1, 0.01) for n, (*_, unit) in _TRACKING.items()]
+    found += [Quantity(_ledger_name(part, q), f"{h}/s", -1, 0.01) for part, q in _LEDGER]
+    found += [Quantity(f"{n} lost", "", +1, 0.0, verdict=True) for n in _JUDGED]
+    return [*found, Quantity(f"not {_END}", "", +1, 0.0, verdict=True)]
+
+
+def job(s: Scenario, label: str, fields: Fields, seed: int) -> Job:
+    """A run of `s` with `fields` set, recorded at every filter step: tracking and ledger need all of them."""
+    data = json.loads(override(s, fields))
+    data["rates"]["record_dt_s"] = data["rates"]["filter_dt_s"]
+    return Job(label, json.dumps(data, sort_keys=True), seed)
+
+
+def fly(job: Job) -> dict[str, float | None]:
+    """Quantity -> its value, to six digits; None where the run has none, as one that ended early."""
+    s = parse(json.loads(job.data) | {"seed": job.seed})
+    done = run(s, force=True)
+    names = [q.name for q in quantities(s)]
+    if done.manifest["ended_early"]:
+        return {n: 1.0 if n.endswith(" lost") or n == f"not {_END}" else None for n in names}
+    entries = {e["id"]: e for e in done.guarantees}
+    row = {n: entries[n]["value"] for n in _VALUES}
+    row |= _tracking(done, s.vehicles)
+    quantiles = ledger.summary(done)["quantiles"]
+    row |= {_ledger_name(part, q): quantiles[part][q] if quantiles else None for part, q in _LEDGER}
+    for name in _JUDGED:
+        verdict = entries[name]["verdict"]
+        row[f"{name} lost"] = None if verdict == NOT_APPLICABLE else float(verdict != HOLDS)
+    row[f"not {_END}"] = 0.0
+    return {n: _rounded(row[n]) for n in names}
+
+
+def _tracking(done: Run, vehicles: int) -> dict[str, float | None]:
+    """RMS of what was achieved at the end of each filter period minus what was commanded for it."""
+    rows = done.tables["vehicles"]
+    errors = {}
+    for name, (achieved, commanded, factor, _) in _TRACKING.items():
+        error = rows[achieved].reshape(-1, vehicles)[1:] - rows[commanded].reshape(-1, vehicles)[:-1]
+        errors[f"{name} tracking"] = float(np.sqrt(np.mean(error**2))) * factor if error.size else None
+    return errors
+
+
+def _ledger_name(part: str, quantile: str) -> str:
+    return f"ledger {part} {100 * float(quantile):g} %"
+
+
+def _rounded(value: float | None) -> float | None:
+    if value is None or not np.isfinite(value):
+        return None
+    return float(f"{value:.{DIGITS}g}")
