@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from testbed import cli_aircraft, cli_export, cli_studies, cli_tune
+from testbed import cli_aircraft, cli_export, cli_regress, cli_studies, cli_tune
 from testbed.cli_common import (
     ForceOption,
     JsonOption,
@@ -144,6 +144,7 @@ app.add_typer(cli_studies.app)
 app.add_typer(cli_aircraft.app, name="aircraft")
 app.command("tune", epilog=cli_tune.TUNE_EXAMPLES)(cli_tune.tune)
 app.command("export", epilog=cli_export.EXAMPLE)(cli_export.export)
+app.add_typer(cli_regress.app, name="regress")
 
 
 def main() -> None:
