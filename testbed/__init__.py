@@ -1,17 +1,39 @@
-"""How we measure: scenarios, the simulation loop, guarantees, reports."""
+"""How we measure: scenarios, the simulation loop, guarantees, reports.
+
+import testbed
+
+scenario = testbed.load_scenario("paper-2-turn", ["d_safe_m=8"])
+run = testbed.run(scenario)
+run.scorecard                      # pandas DataFrame, a row per claim
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from testbed.comparison import compare as compare
+    from testbed.errors import UserError as UserError
+    from testbed.parts import Parts as Parts
+    from testbed.record import Run as Run
+    from testbed.scenario import Scenario as Scenario
+    from testbed.scenario import load as load_scenario
     from testbed.simulate import run as run
     from testbed.store import load as load
 
 # Loaded when first asked for, so that the command line answers at once.
-_HOMES = {"load": "testbed.store", "run": "testbed.simulate"}
+_HOMES = {
+    "load_scenario": ("testbed.scenario", "load"),
+    "Scenario": ("testbed.scenario", "Scenario"),
+    "run": ("testbed.simulate", "run"),
+    "compare": ("testbed.comparison", "compare"),
+    "load": ("testbed.store", "load"),
+    "Run": ("testbed.record", "Run"),
+    "Parts": ("testbed.parts", "Parts"),
+    "UserError": ("testbed.errors", "UserError"),
+}
 
-__all__ = ["load", "run"]
+__all__ = ["Parts", "Run", "Scenario", "UserError", "compare", "load", "load_scenario", "run"]
 
 
 def __getattr__(name: str) -> Any:
@@ -19,4 +41,9 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'testbed' has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(_HOMES[name]), name)
+    home, there = _HOMES[name]
+    return getattr(import_module(home), there)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

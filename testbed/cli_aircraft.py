@@ -104,7 +104,8 @@ def check(
     else:
         for finding in findings:
             print(finding)
-        print(f"{len(findings)} findings in {path}" if findings else f"{path} is clean")
+        count = f"{len(findings)} finding{'s' if len(findings) > 1 else ''} in {path}"
+        print(count if findings else f"{path} is clean")
         print(f"not checked: {NOT_SEEN}")
     if findings:
         raise typer.Exit(1)

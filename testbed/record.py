@@ -151,6 +151,15 @@ class Run:
         """One row per recorded time and pair; columns in PAIR_COLUMNS."""
         return self._frame("pairs")
 
+    @property
+    def scorecard(self) -> pd.DataFrame:
+        """One row per claim, by id: verdict, value, unit, bound, margin, t_s, vehicles, why, source."""
+        import pandas as pd
+
+        first = ["number", "claim", "verdict", "value", "unit", "bound", "margin", "t_s", "vehicles", "why"]
+        table = pd.DataFrame(self.guarantees).set_index("id")
+        return table[first + [c for c in table.columns if c not in first]]
+
     def guarantee(self, name: str) -> dict[str, Any]:
         """The entry with that id; KeyError if there is none."""
         for entry in self.guarantees:

@@ -1,0 +1,39 @@
+"""A filter of your own: fly the evading manoeuvre whenever somebody is near. No QP, no barrier.
+
+python docs/guide/examples/own_filter.py
+"""
+
+import numpy as np
+
+import testbed
+from filters.collision import Problem, decision, input_set
+
+NEAR_M = 60.0
+
+
+class TurnAway:
+    """Made from the scenario, the barrier (whose manoeuvre it flies) and the goals; called at every step."""
+
+    def __init__(self, scenario, barrier, goal):
+        self.gamma = barrier.manoeuvre(scenario.vehicles).array()
+
+    def __call__(self, view, nominal, limits):
+        seen = view.own().state
+        place = np.stack([seen.x, seen.y, seen.z], axis=-1)
+        distance = np.linalg.norm(place[:, None] - place, axis=-1) + np.diag(np.full(len(place), np.inf))
+        near = distance.min(axis=1) < NEAR_M
+        problem = Problem(*input_set(view, nominal, limits))
+        command = problem.clipped()
+        command[near] = self.gamma[near]
+        nothing = np.zeros(len(place))  # status NONE and no residual: there is no QP
+        return decision(problem, command, nothing.astype(int), nothing, None, np.zeros(0))
+
+
+if __name__ == "__main__":
+    scenario = testbed.load_scenario(
+        "paper-2-turn", ["lookahead_m=10", "filter_dt_s=0.05", "record_dt_s=0.05"]
+    )
+    run = testbed.run(scenario, parts=testbed.Parts(filter=TurnAway))
+    print(
+        run.scorecard.loc[["separation", "safe-set", "qp-feasibility", "goal"], ["verdict", "value", "why"]]
+    )
