@@ -9,7 +9,16 @@ from typing import Annotated
 
 import typer
 
-from testbed import cli_aircraft, cli_export, cli_regress, cli_studies, cli_tune
+from testbed import (
+    cli_aircraft,
+    cli_campaign,
+    cli_export,
+    cli_ledger,
+    cli_regress,
+    cli_report,
+    cli_studies,
+    cli_tune,
+)
 from testbed.cli_common import (
     ForceOption,
     JsonOption,
@@ -81,6 +90,7 @@ def compare(
     ] = False,
     seeds: SeedsOption = 20,
     workers: WorkersOption = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html too")] = True,
 ) -> None:
     """Fly one scenario on several plants: a table of guarantees, and figures with the plants overlaid."""
     if ladder:
@@ -100,7 +110,9 @@ def compare(
     first = next(iter(scenarios.values()))
     where = out or Path("runs") / f"{first.name}-compare"
     with progress() as bar:
-        result = fly_all(scenarios, where, force=force, overwrite=overwrite, progress=bar)
+        result = fly_all(
+            scenarios, where, force=force, overwrite=overwrite, progress=bar, report=report
+        )
     if as_json:
         print(json.dumps(result.summary(), indent=2))
         return
@@ -108,6 +120,8 @@ def compare(
     print("figures:")
     for figure in result.figures:
         print(f"  {figure}")
+    if report:
+        print(f"report, with playback: {where / 'report.html'}")
 
 
 @app.command("list", epilog="Example: testbed list --json")
@@ -143,8 +157,11 @@ def schema(
 app.add_typer(cli_studies.app)
 app.add_typer(cli_aircraft.app, name="aircraft")
 app.command("tune", epilog=cli_tune.TUNE_EXAMPLES)(cli_tune.tune)
+app.command(epilog=cli_report.EXAMPLE)(cli_report.report)
 app.command("export", epilog=cli_export.EXAMPLE)(cli_export.export)
+app.command(epilog=cli_ledger.EXAMPLE)(cli_ledger.ledger)
 app.add_typer(cli_regress.app, name="regress")
+app.add_typer(cli_campaign.app, name="campaign")
 
 
 def main() -> None:

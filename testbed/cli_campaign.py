@@ -108,6 +108,10 @@ def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_jso
         kept = progress(plan, Journal(out).entries)
         print(f"interrupted; {hint(kept, out)}", file=sys.stderr)
         raise typer.Exit(143 if isinstance(signal, TerminatedError) else 130) from None
+    if state.complete:
+        from testbed.report.page import attach
+
+        attach(out, out.name)
     _report(state, out, as_json)
 
 
@@ -132,7 +136,7 @@ def _report(state: Progress, out: Path, as_json: bool, flying: bool = False) -> 
         for line in reasons:
             print(f"  {line}")
     if state.complete:
-        print(f"tables: {out / 'runs.parquet'}")
+        print(f"tables: {out / 'runs.parquet'}; report: {out / 'report.html'}")
         return
     doing = "being flown now" if flying else f"go on with: testbed campaign resume {out}"
     print(f"{len(rows)} of {len(state.plan.runs)} runs done; {doing}")

@@ -36,13 +36,15 @@ def compare(
     force: bool = False,
     overwrite: bool = False,
     progress: Progress | None = None,
+    report: bool = True,
 ) -> Comparison:
     """Fly each scenario into its own run folder below `out`, and draw them together.
 
     scenarios  label, usually the plant -> scenario
+    report     write report.html too
     Raises     UserError as `simulate.run` does, before anything is flown where that can be known
     """
-    from testbed.report import figures
+    from testbed.report import figures, page
 
     with staged(out, overwrite) as folder:
         for name, s in scenarios.items():
@@ -50,6 +52,8 @@ def compare(
         runs = {name: load(folder / name) for name in scenarios}
         drawn = figures.compare(runs, folder / "figures")
         write_json(folder / "comparison.json", {name: r.guarantees for name, r in runs.items()})
+        if report:
+            page.attach(folder, out.name, runs)
     return Comparison(
         {name: load(out / name) for name in scenarios}, [out / f.relative_to(folder) for f in drawn], out
     )

@@ -32,7 +32,7 @@ def part(folder: Path, title: str) -> Part:
     if not flown:
         return Part(title, "a campaign", OPEN, "The campaign is not finished", ["The same command goes on with it."])
     found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    cells = found["cells"] if isinstance(found, dict) else found
+    cells = found["cells"]
     runs = pd.read_parquet(folder / RUNS)
     guarantee = _guarantee(manifest)
     facts = [_fact(cell) for cell in cells]
@@ -49,8 +49,8 @@ def part(folder: Path, title: str) -> Part:
         Table(rows, "A row per cell", downloads=download("cells (CSV)", "cells.csv", pd.DataFrame(rows)))
     ]
     return Part(
-        title=title,
-        what=f"A campaign of {len(runs)} runs in {len(cells)} cells, judged on {guarantee}.",
+        title=f"campaign {manifest['name']}",
+        what=f"{len(runs)} runs in {len(cells)} cells. {manifest['campaign'].get('description', '')} Folder: {title}",
         status=LOST if lost else KEPT,
         headline=text,
         details=details,
@@ -63,11 +63,11 @@ def part(folder: Path, title: str) -> Part:
 
 
 def _guarantee(manifest: Mapping[str, Any]) -> str:
-    return str(manifest.get("campaign", manifest).get("guarantee", "separation"))
+    return str(manifest["campaign"]["guarantee"])
 
 
 def _base(manifest: Mapping[str, Any]) -> Any:
-    base = manifest.get("scenario", manifest.get("base"))
+    base = manifest.get("base")
     return base if isinstance(base, Mapping) else None
 
 
@@ -95,7 +95,7 @@ def _row(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _picture(cells: list[dict[str, Any]], runs: pd.DataFrame, guarantee: str, manifest: Mapping[str, Any]) -> Picture:
-    from testbed.report.robustness_figures import cells as draw
+    from testbed.report.campaign_figures import cells as draw
 
     column = f"{guarantee.replace('-', '_')}_value"
     values = [_of_cell(runs, c)[column].dropna().to_numpy(dtype=float) for c in cells]
@@ -117,7 +117,6 @@ def _picture(cells: list[dict[str, Any]], runs: pd.DataFrame, guarantee: str, ma
 def _of_cell(runs: pd.DataFrame, cell: Mapping[str, Any]) -> pd.DataFrame:
     for name, value in cell["parameters"].items():
         # As the table holds them: numbers as floats, words as they are, the rest as JSON.
-        seen = runs[name]
-        known = seen.dtype.kind in "fb" or isinstance(value, str)
-        runs = runs[seen == (value if known else json.dumps(value))]
+        plain = runs[name].dtype.kind in "fb" or isinstance(value, str)
+        runs = runs[runs[name] == (value if plain else json.dumps(value))]
     return runs

@@ -9,20 +9,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.record import Run
-from testbed.report.style import PAGE, drawing, limits, log_distance, save, separation, style
+from testbed.report.ledger_figures import ledger
+from testbed.report.style import LIMIT, PAGE, drawing, limits, log_distance, save, separation, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def compare(runs: Mapping[str, Run], folder: Path) -> list[Path]:
-    """Draw `panels` and, where an aircraft flew, `aircraft` into `folder`; returns the PNG files."""
+    """Draw `panels`, where pairs drew near `ledger`, and where an aircraft flew `aircraft`; the PNG files."""
     folder.mkdir(parents=True, exist_ok=True)
     with drawing():
         figures = {"panels": panels(runs)}
         flown = {name: run for name, run in runs.items() if "roll_rad" in run.vehicles}
         if flown:
             figures["aircraft"] = aircraft(flown)
+        if (drawn := ledger(runs)) is not None:
+            figures["ledger"] = drawn
         files = []
         for name, figure in figures.items():
             files.append(save(figure, folder, name)[0])
@@ -63,20 +66,26 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     speed.set(xlabel="time [s]", ylabel="ground speed [m/s]", title="Vehicle 1: speed (thin: commanded)")
     turn.set(xlabel="time [s]", ylabel="turn rate [deg/s]", title="Vehicle 1: turn rate (thin: commanded)")
     distance.set(xlabel="time [s]", ylabel="distance [m]", title="Smallest distance of any pair")
-    path.set(xlabel="east [m]", ylabel="north [m]", title="Paths (dot: start)")
-    path.set_aspect("equal" if scenario["vehicles"] > 2 else "auto")
+    flat = scenario["vehicles"] <= 2
+    path.set(xlabel="east [m]", ylabel="north [m]", title="Paths (dot: start" + ("; north stretched)" if flat else ")"))
+    path.set_aspect("auto" if flat else "equal", adjustable="datalim")
     for a in axes.flat:
         a.legend(loc="best")
     return figure
 
 
+def lead(run: Run) -> int:
+    """The vehicle worth a closer look: the first of the pair that came closest."""
+    return int(next(iter(run.guarantee("separation")["vehicles"]), 1))
+
+
 def aircraft(runs: Mapping[str, Run]) -> Figure:
-    """Vehicle 1 of aircraft runs: bank, sideslip, and achieved minus commanded on the three channels."""
+    """Of each aircraft run a vehicle of the closest pair: bank, sideslip, achieved minus commanded."""
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(5, 1, figsize=(PAGE, 7.6), sharex=True, layout="constrained")
+    figure, axes = plt.subplots(5, 1, figsize=(PAGE, 5.8), sharex=True, layout="constrained")
     for name, run in runs.items():
-        rows, look = one(run), style(name)
+        rows, look = one(run, lead(run)), style(name)
         series = [
             np.degrees(rows.roll_rad),
             np.degrees(rows.beta_rad),
@@ -84,13 +93,17 @@ def aircraft(runs: Mapping[str, Run]) -> Figure:
             np.degrees(rows.omega_radps - rows.omega_command_radps),
             rows.zeta_mps - rows.zeta_command_mps,
         ]
+        closest = run.guarantee("separation")["t_s"]
         for a, y in zip(axes, series, strict=True):
-            a.plot(rows.t_s, y, label=name, **look)
-    labels = ("bank [deg]", "sideslip [deg]", "speed [m/s]", "turn rate [deg/s]", "climb rate [m/s]")
+            a.plot(rows.t_s, y, label=f"{name}, vehicle {lead(run)}", **look)
+            if closest is not None:
+                a.axvline(closest, **LIMIT)
+    labels = ("bank [deg]", "sideslip [deg]", "v error [m/s]", "omega error\n[deg/s]", "zeta error [m/s]")
     for a, label in zip(axes, labels, strict=True):
         a.set_ylabel(label)
         a.axhline(0.0, color="0.6", linewidth=0.6)
-    axes[0].set_title("Vehicle 1: attitude, and tracking errors (achieved minus commanded)")
+    figure.align_ylabels(axes)
+    axes[0].set_title("Attitude, and tracking errors (achieved minus commanded); dotted: least distance")
     axes[-1].set_xlabel("time [s]")
     axes[0].legend(loc="best")
     return figure

@@ -5,7 +5,9 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from typing import Any
 from testbed.errors import UserError
 from testbed.record import Run
 from testbed.report.blocks import SIGNS, Part, cell
+from testbed.store import MANIFEST, MARKS, load, staged
 
 PAGE_FILE = "report.html"
 SCRIPTS = ("templates/playback-model.js", "templates/playback-view.js", "templates/playback.js")
@@ -20,7 +23,7 @@ SCRIPTS = ("templates/playback-model.js", "templates/playback-view.js", "templat
 
 def write(folders: Sequence[Path], out: Path) -> Path:
     """The page of `folders` as the file `out`, replaced at once. Raises UserError where there is none to make."""
-    text = page([part(folder) for folder in folders])
+    text = page([part(folder, folder.resolve().name) for folder in folders])
     partial = out.with_name(f".{out.name}.partial")
     try:
         partial.write_text(text, encoding="utf-8")
@@ -31,23 +34,35 @@ def write(folders: Sequence[Path], out: Path) -> Path:
     return out
 
 
-def write_runs(runs: Mapping[str, Run], folder: Path, title: str) -> Path:
-    """`folder`/report.html of runs that are at hand, with the figures drawn in `folder`."""
+def attach(folder: Path, title: str, runs: Mapping[str, Run] | None = None) -> None:
+    """`folder`/report.html at the end of a study. What goes wrong here is said, and costs no result.
+
+    title  name of the folder, once it has its own
+    runs   of a comparison, where they are at hand
+    """
     from testbed.report import run_part
 
-    file = folder / PAGE_FILE
-    file.write_text(page([run_part.part(runs, folder, title)]), encoding="utf-8")
-    return file
+    try:
+        made = part(folder, title) if runs is None else run_part.part(runs, folder, title)
+        (folder / PAGE_FILE).write_text(page([made]), encoding="utf-8")
+    except Exception as error:  # hours of flying are not thrown away for a page
+        print(f"no {PAGE_FILE}: {type(error).__name__}: {error}; try testbed report", file=sys.stderr)
 
 
-def part(folder: Path) -> Part:
+@contextmanager
+def reported(path: Path, overwrite: bool = False) -> Iterator[Path]:
+    """`staged`, with a report in the folder when the block has filled it."""
+    with staged(path, overwrite) as folder:
+        yield folder
+        attach(folder, path.name)
+
+
+def part(folder: Path, name: str) -> Part:
     """The account of one folder, chosen by the mark it carries."""
     from testbed.report import campaign_part, run_part, study_parts
-    from testbed.store import MANIFEST, MARKS, load
 
     if not folder.is_dir():
         raise UserError(f"{folder} is no folder; give one that a command wrote")
-    name = folder.resolve().name
     try:
         if (folder / "comparison.json").is_file():
             labels = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 Runs = Mapping[str, Run]
 # Rows of a series that travel with a figure, and of paths: a page is no archive, the run folder is.
 SERIES_ROWS, PATH_ROWS = 4001, 20_000
+# Columns that travel: of vehicle 1 the first six.
+SHOWN = (
+    *(f"{c}{kind}_{u}" for c, u in (("v", "mps"), ("omega", "radps"), ("zeta", "mps")) for kind in ("", "_command")),
+    *(f"{name}_rad" for name in ("roll", "beta")),
+)
 
 
 def part(runs: Runs, folder: Path | None, title: str) -> Part:
@@ -90,19 +95,23 @@ def _least(run: Run) -> str:
 
 
 def series(runs: Runs) -> pd.DataFrame:
-    """What the panels and the tracking figure draw: a row per plant and time, thinned to SERIES_ROWS each."""
+    """What the panels draw: vehicle 1 and the least distance and h, a row per plant and time, thinned."""
     made = []
     for label, run in runs.items():
-        rows = figures.one(run).reset_index(drop=True)
-        kept = _thin(run, rows.t_s.to_numpy(), SERIES_ROWS // len(runs))
-        drop = ["vehicle", "x_m", "y_m", "z_m", *(c for c in rows if c.endswith(("_nominal_mps", "_nominal_radps")))]
-        rows = rows.iloc[kept].drop(columns=drop).add_suffix("_vehicle_1").rename(columns={"t_s_vehicle_1": "t_s"})
-        rows.insert(0, "plant", label)
+        rows = _one(label, run, 1, SHOWN[:6], SERIES_ROWS // len(runs))
         if len(run.pairs):
-            rows["least_distance_m"] = run.pairs.groupby("t_s").distance_m.min().to_numpy()[kept]
-            rows["least_h_m"] = run.pairs.groupby("t_s").h_m.min().to_numpy()[kept]
+            least = run.pairs.groupby("t_s")[["distance_m", "h_m"]].min().add_prefix("least_")
+            rows = rows.merge(least, left_on="t_s", right_index=True)
         made.append(rows)
     return pd.concat(made, ignore_index=True)
+
+
+def _one(label: str, run: Run, vehicle: int, columns: Sequence[str], most: int) -> pd.DataFrame:
+    """One vehicle's columns at thinned times."""
+    rows = figures.one(run, vehicle).reset_index(drop=True)
+    rows = rows.loc[_thin(run, rows.t_s.to_numpy(), most), ["t_s", "vehicle", *columns]].round(6)
+    rows.insert(0, "plant", label)
+    return rows
 
 
 def paths(runs: Runs) -> pd.DataFrame:
@@ -173,11 +182,19 @@ def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
         blocks.append(
             Picture(
                 name="aircraft",
-                caption="Vehicle 1: bank and sideslip, and tracking errors on the three channels.",
-                alt="Five series over time of vehicle 1. "
+                caption="A vehicle of the closest pair: bank and sideslip, and tracking errors on the three channels."
+                " Dotted: the moment of least distance.",
+                alt="Five series over time. "
                 + " ".join(f"{r['plant']}: {r['channel']} error at most {r['largest']:.3g}." for r in rows),
                 svg=_svg(folder, "aircraft", lambda: figures.aircraft(aircraft)),
-                downloads=download("series (CSV)", "aircraft.csv", series(aircraft)),
+                downloads=download(
+                    "series (CSV)",
+                    "aircraft.csv",
+                    pd.concat(
+                        _one(label, run, figures.lead(run), SHOWN, SERIES_ROWS // len(aircraft))
+                        for label, run in aircraft.items()
+                    ),
+                ),
             )
         )
     return blocks

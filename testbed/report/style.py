@@ -1,7 +1,7 @@
 """The one style of every figure: SI labels, limits drawn, one colour and dash per thing compared.
 
-Colours are Okabe & Ito's, safe for the colour-blind; the dash tells them apart in grey. PNG for screens and
-PDF for papers, both the same bytes for the same data.
+Colours are Okabe & Ito's, safe for the colour-blind; the dash tells them apart in grey. PNG for screens, PDF
+for papers, SVG for the report page, each the same bytes for the same data.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +43,13 @@ RC: dict[Any, Any] = {
     "legend.framealpha": 0.8,
     "legend.edgecolor": "none",
     "legend.fontsize": 7,
+    "axes.titlesize": 8,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
     "svg.hashsalt": "cbf-jsbsim-testbed",
+    # Text stays text: small files, found by search, read aloud. Editable in PDF too.
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
 }
 # Inches: one column of a two-column page, and the whole page.
 COLUMN, PAGE = 3.4, 7.2
@@ -60,9 +67,14 @@ def drawing() -> Iterator[Any]:
         yield pyplot
 
 
+# For names not known here, such as a plant of one's own: always the same look for the same name.
+OTHERS = ((PURPLE, (0, (3, 1, 1, 1))), (ORANGE, (0, (5, 1))), (SKY, ":"), (BLACK, (0, (1, 1))))
+
+
 def style(name: str) -> dict[str, Any]:
     """Colour and dash of a plant, barrier or law."""
-    return STYLES.get(name, {"color": PURPLE, "linestyle": "-"})
+    color, dash = OTHERS[crc32(name.encode()) % len(OTHERS)]
+    return STYLES.get(name, {"color": color, "linestyle": dash})
 
 
 def limits(axes: Axes, *values: float) -> None:
@@ -87,12 +99,14 @@ def separation(axes: Axes, d_safe: float) -> None:
 
 
 def save(figure: Figure, folder: Path, name: str, dpi: int = 160) -> list[Path]:
-    """Write NAME.png and NAME.pdf, and close the figure."""
+    """Write NAME.png, NAME.pdf and NAME.svg, and close the figure."""
     from matplotlib import pyplot as plt
 
-    files = [folder / f"{name}.png", folder / f"{name}.pdf"]
+    files = [folder / f"{name}.{kind}" for kind in ("png", "pdf", "svg")]
     figure.savefig(files[0], dpi=dpi)
-    # No dates: equal data give equal files.
+    # Laid out once; and no dates: equal data give equal files.
+    figure.set_layout_engine("none")
     figure.savefig(files[1], metadata={"CreationDate": None})
+    figure.savefig(files[2], metadata={"Date": None})
     plt.close(figure)
     return files

@@ -40,13 +40,14 @@ def scorecard(runs: Mapping[str, Run], title: str) -> Table:
 
 def plain_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     """Rows as they are, three digits; an absent value is a dash."""
-    table = Table(title=title, title_justify="left", pad_edge=False, padding=(0, 1), box=None)
+    # Text, for rich reads markup into brackets and a unit would vanish.
+    table = Table(title=Text(title), title_justify="left", pad_edge=False, padding=(0, 1), box=None)
     for name in rows[0] if rows else ():
         # Words stay whole; where a terminal is narrow, headings and long numbers break.
         words = any(isinstance(row[name], str) for row in rows)
-        table.add_column(name.replace("_", " "), overflow="fold", no_wrap=words)
+        table.add_column(Text(name.replace("_", " ")), overflow="fold", no_wrap=words)
     for row in rows:
-        table.add_row(*(_short(value) for value in row.values()))
+        table.add_row(*(Text(_short(value)) for value in row.values()))
     return table
 
 

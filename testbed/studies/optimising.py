@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.errors import UserError
-from testbed.store import check_free, staged, write_json
+from testbed.report.page import reported
+from testbed.store import check_free, write_json
 from testbed.studies.flying import Notebook, fly_all
 from testbed.studies.tuning import Tuned, _changed, _fingerprint
 
@@ -194,7 +195,7 @@ def optimise(
     best = min(found, key=lambda r: (r["cost"], r["seed"]))
     after = evaluate(airframe.with_gains(best["gains"]))
     before = evaluate(airframe)
-    with staged(out, overwrite) as folder:
+    with reported(out, overwrite) as folder:
         provenance = {"command": command, "airframe_sha256": airframe.fingerprint()}
         provenance |= {"versions": json.dumps(versions()), "start": str(best["seed"])}
         write_gains(folder / "gains.toml", source, best["gains"], provenance)

@@ -8,10 +8,11 @@ from typing import Any
 
 from testbed.errors import UserError, nearest
 from testbed.report import robustness_figures as figures
+from testbed.report.page import reported
 from testbed.scenario import Scenario
 from testbed.start import generators, places
 from testbed.statistics import Mean
-from testbed.store import check_free, staged, write_json
+from testbed.store import check_free, write_json
 from testbed.studies import answer as answers
 from testbed.studies import ladder as ladders
 from testbed.studies import margin as margins
@@ -57,7 +58,7 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
     data = {"seeds": seeds, "rows": rows} | {
         a.quantity: {"total": vars(a.total), "interaction": vars(a.interaction)} for a in (distance, h)
     }
-    with staged(out, overwrite) as folder:
+    with reported(out, overwrite) as folder:
         table.to_csv(folder / "ladder.csv", index=False)
         write_json(folder / "ladder.json", data | {"scenario": s.model_dump(mode="json")})
         figures.ladder(table, distance, h, s.d_safe_m, folder)
@@ -94,7 +95,7 @@ def compare_remedies(
     chosen = {name: known[name] for name in (only or known)}
     runs = remedies.compare(s, chosen, seeds, out, workers)
     table = remedies.table(runs, _straight(s))
-    with staged(out, overwrite) as folder:
+    with reported(out, overwrite) as folder:
         runs.to_csv(folder / "runs.csv", index=False)
         table.to_csv(folder / "remedies.csv", index=False)
         write_json(
@@ -128,7 +129,7 @@ def margin(
     s = default_starts(s)
     found = margins.find(s, knob, target_rate, seeds, workers)
     curve = pd.DataFrame([vars(p) for p in found.points])
-    with staged(out, overwrite) as folder:
+    with reported(out, overwrite) as folder:
         curve.to_csv(folder / "curve.csv", index=False)
         write_json(folder / "margin.json", found.as_dict() | {"scenario": s.model_dump(mode="json")})
         figures.margin(found, folder)
@@ -162,7 +163,7 @@ def answer(
     made = answers.cases(airframes, vehicles)
     each = {n: seeds if n == 2 else max(5, seeds // 5) for n in vehicles}
     table = answers.answer(made, each, out, workers)
-    with staged(out, overwrite) as folder:
+    with reported(out, overwrite) as folder:
         table.to_csv(folder / "answer.csv", index=False)
         (folder / "answer.md").write_text(answers.markdown(table), encoding="utf-8")
         write_json(folder / "answer.json", {"seeds": {str(n): k for n, k in each.items()}})

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.errors import UserError
-from testbed.store import check_free, staged, write_json
+from testbed.report.page import reported
+from testbed.store import check_free, write_json
 from testbed.studies.flying import ROOT, Notebook, fly_all, notebook
 
 if TYPE_CHECKING:
@@ -197,7 +198,7 @@ def sweep(
         if faults := gain_faults(airframe.with_gains(changes)):
             raise UserError(f"--sweep: gains.{faults[0]}")
     prepared = _fields(scenario) if scenario is not None else None
-    with notebook(out, f"tune-{_fingerprint(airframe)}") as book, staged(out, overwrite) as folder:
+    with notebook(out, f"tune-{_fingerprint(airframe)}") as book, reported(out, overwrite) as folder:
         (folder / "gains").mkdir()
         points = []
         for k, values in enumerate(grid):
