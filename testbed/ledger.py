@@ -11,14 +11,21 @@ sideslip and crab). The rest is of second order in the period, or the barrier's 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from filters.unicycle import Array, Command
 from testbed.record import Columns, Run
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 CHANNELS = ("v", "omega", "zeta", "course")
+# Far pairs have large levers and no constraint: they would drown the encounter.
+NEAR_H_M = 10.0
+# Moments of a pair closer than this are one moment [s].
+APART_S = 0.5
 
 
 def residuals(
@@ -47,20 +54,25 @@ def residuals(
     return parts
 
 
-def summary(run: Run, near_h_m: float = 50.0) -> dict[str, Any]:
-    """Quantiles of the residual and its parts over recorded pairs with h below `near_h_m`, and worst moments.
+def near(run: Run, near_h_m: float = NEAR_H_M) -> pd.DataFrame:
+    """The recorded rows of pairs with h below `near_h_m` whose motion since is known."""
+    if not len(run.pairs):
+        return run.pairs
+    return run.pairs[(run.pairs.h_m < near_h_m) & run.pairs.hdot_realised_mps.notna()]
 
-    near_h_m  far pairs have large levers and no constraint: they would drown the encounter
+
+def summary(run: Run, near_h_m: float = NEAR_H_M, worst_moments: int = 5) -> dict[str, Any]:
+    """Quantiles of the residual and its parts over recorded pairs with h below `near_h_m`; the worst moments.
+
+    Moments of one pair are half a second apart at least: neighbouring steps tell the same story.
     """
-    pairs = run.pairs
-    pairs = pairs[(pairs.h_m < near_h_m) & pairs.hdot_realised_mps.notna()]
+    pairs = near(run, near_h_m)
     if not len(pairs):
         return {"rows": 0, "near_h_m": near_h_m, "quantiles": {}, "worst": []}
     parts = {name: pairs[f"residual_{name}_mps"] for name in CHANNELS}
     total = pairs.hdot_realised_mps - pairs.hdot_predicted_mps
     series = {"total": total, **parts, "rest": total - sum(parts.values())}
     levels = (0.0, 0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 1.0)
-    worst = pairs.assign(total=total).nsmallest(5, "total")
     return {
         "rows": len(pairs),
         "near_h_m": near_h_m,
@@ -68,26 +80,48 @@ def summary(run: Run, near_h_m: float = 50.0) -> dict[str, Any]:
             name: {f"{q:g}": float(v) for q, v in zip(levels, np.quantile(x, levels), strict=True)}
             for name, x in series.items()
         },
-        "worst": [
-            {
-                "t_s": float(row.t_s),
-                "vehicles": [int(row.i), int(row.j)],
-                "h_m": float(row.h_m),
-                "residual_mps": float(row.total),
-                **{name: float(getattr(row, f"residual_{name}_mps")) for name in CHANNELS},
-            }
-            for row in worst.itertuples()
-        ],
+        "worst": _worst(pairs.assign(**series), worst_moments),
     }
 
 
-def channel_bounds(run: Run, quantile: float = 1.0) -> dict[str, float]:
+def _worst(pairs: pd.DataFrame, most: int) -> list[dict[str, Any]]:
+    """The moments of least residual, worst first; `pairs` with the columns total, rest and the channels'."""
+    found: list[dict[str, Any]] = []
+    for row in pairs.sort_values("total", kind="stable").itertuples():
+        vehicles, t = [int(row.i), int(row.j)], float(row.t_s)
+        if any(m["vehicles"] == vehicles and abs(m["t_s"] - t) < APART_S for m in found):
+            continue
+        moment = {"t_s": t, "vehicles": vehicles, "h_m": float(row.h_m), "residual_mps": float(row.total)}
+        found.append(moment | {name: float(getattr(row, name)) for name in (*CHANNELS, "rest")})
+        if len(found) == most:
+            break
+    return found
+
+
+def channel_bounds(run: Run, quantile: float = 1.0, near_h_m: float | None = None) -> dict[str, float]:
     """Per-channel bounds on |achieved - commanded|: v [m/s], omega [rad/s], zeta [m/s], at that quantile.
 
-    What robust rows need to be told: see `filters.robust`.
+    near_h_m  only of vehicles while they have a pair with h below it; None takes the whole flight
+    What robust rows need to be told: see `filters.robust`. Of no rows the bounds are nan.
     """
     rows = run.vehicles
+    if near_h_m is not None:
+        pairs = near(run, near_h_m)
+        met = {(t, v) for column in ("i", "j") for t, v in zip(pairs.t_s, pairs[column], strict=True)}
+        rows = rows[[moment in met for moment in zip(rows.t_s, rows.vehicle, strict=True)]]
+    names = (("v", "mps"), ("omega", "radps"), ("zeta", "mps"))
+    if not len(rows):
+        return {name: float("nan") for name, _ in names}
     return {
         name: float(np.quantile(np.abs(rows[f"{name}_{unit}"] - rows[f"{name}_command_{unit}"]), quantile))
-        for name, unit in (("v", "mps"), ("omega", "radps"), ("zeta", "mps"))
+        for name, unit in names
+    }
+
+
+def robust_settings(bounds: dict[str, float]) -> dict[str, float]:
+    """Those bounds as the fields of a scenario that raise the filter's rows by them."""
+    return {
+        "remedy.robust_v_mps": bounds["v"],
+        "remedy.robust_omega_degps": float(np.degrees(bounds["omega"])),
+        "remedy.robust_zeta_mps": bounds["zeta"],
     }

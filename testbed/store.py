@@ -29,6 +29,7 @@ MARKS = (
     "ladder.json",
     "remedies.json",
     "margin.json",
+    "ledger.json",
     "answer.json",
     "datasheet.json",
     "tune.json",

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from filters.barrier import TurnBarrier
 from filters.unicycle import Command, State
-from testbed.ledger import CHANNELS, channel_bounds, residuals, summary
+from testbed.ledger import CHANNELS, channel_bounds, residuals, robust_settings, summary
 from testbed.record import Run
 from testbed.scenario import load
 from testbed.simulate import run
+from testbed.store import load as loaded
 
 FAST = ["manoeuvre_instants=0"]
 
@@ -105,3 +111,82 @@ def test_on_the_aircraft_the_turn_rate_lag_is_what_drains_h() -> None:
     assert found["quantiles"]["total"]["0.01"] < -5.0
     worst = found["worst"][0]
     assert worst["omega"] < worst["v"] and worst["omega"] < 0.5 * worst["residual_mps"]
+
+
+def test_worst_moments_are_half_a_second_apart_and_add_up(lagged: Run) -> None:
+    worst = summary(lagged, near_h_m=1e6)["worst"]
+    assert len(worst) == 5
+    t = np.sort([moment["t_s"] for moment in worst])
+    assert np.diff(t).min() >= 0.5
+    for moment in worst:
+        parts = sum(moment[name] for name in (*CHANNELS, "rest"))
+        assert parts == pytest.approx(moment["residual_mps"])
+
+
+def test_bounds_near_are_those_of_the_vehicles_that_met(lagged: Run) -> None:
+    # all but the last instant, at which no motion is known yet; the error falls from the first
+    assert channel_bounds(lagged, near_h_m=1e6) == channel_bounds(lagged)
+    assert np.isnan(channel_bounds(lagged, near_h_m=-1e6)["omega"])
+
+
+def test_a_ledgers_bounds_become_the_filters_margins_without_copying(
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    flown = tmp_path / "run"
+    quick = [
+        "--plant",
+        "lagged",
+        "--set",
+        "lookahead_m=10",
+        "--set",
+        "duration_s=9",
+        "--set",
+        "manoeuvre_instants=0",
+    ]
+    assert (
+        call(
+            "run",
+            "paper-2-turn",
+            *quick,
+            "--set",
+            "filter_dt_s=0.02",
+            "--set",
+            "record_dt_s=0.02",
+            "--out",
+            flown,
+        )
+        == 0
+    )
+    capsys.readouterr()
+    assert call("ledger", flown, "--settings", "--quantile", "0.9") == 0
+    printed = capsys.readouterr().out.split()
+    assert not (tmp_path / "run-ledger").exists()
+    s = load("paper-2-turn", printed[1::2])
+    bounds = channel_bounds(loaded(flown), 0.9, 10.0)
+    assert s.remedy.robust_omega_degps == pytest.approx(np.degrees(bounds["omega"]), rel=1e-3)
+    assert s.remedy.robust_v_mps == pytest.approx(robust_settings(bounds)["remedy.robust_v_mps"], rel=1e-3)
+
+    assert call("ledger", flown, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    folder = tmp_path / "run-ledger"
+    table = pd.read_csv(folder / "quantiles.csv", index_col="channel")
+    assert table.loc["total", "0"] == pytest.approx(found["quantiles"]["total"]["0"])
+    assert pd.read_csv(folder / "worst.csv").residual_mps[0] == pytest.approx(table.loc["total", "0"])
+    assert (folder / "ledger.png").stat().st_size > 10_000
+    assert call("ledger", flown) == 2
+    assert "exists; give another --out, or --overwrite" in capsys.readouterr().err
+    assert call("ledger", flown, "--overwrite") == 0
+    text = capsys.readouterr().out
+    assert "worst moments [m/s]" in text and "remedy.robust_omega_degps" in text
+
+
+def test_mistakes_with_a_ledger_are_one_line(
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("ledger", tmp_path) == 2
+    assert "holds no finished run" in capsys.readouterr().err
+    (tmp_path / "comparison.json").write_text("{}")
+    (tmp_path / "unicycle").mkdir()
+    (tmp_path / "unicycle" / "manifest.json").write_text("{}")
+    assert call("ledger", tmp_path) == 2
+    assert "holds several runs; name one of them: unicycle" in capsys.readouterr().err

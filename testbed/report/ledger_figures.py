@@ -1,0 +1,84 @@
+"""The ledger drawn: what each channel took from hdot over the encounter, and how often how much."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from testbed.ledger import CHANNELS, NEAR_H_M, near, summary
+from testbed.record import Run
+from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, ORANGE, PAGE, PURPLE, VERMILION
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NAMES = {
+    "v": "speed",
+    "omega": "turn rate",
+    "zeta": "climb rate",
+    "course": "course - heading",
+    "rest": "rest",
+}
+COLOURS = {"v": BLUE, "omega": VERMILION, "zeta": GREEN, "course": PURPLE, "rest": ORANGE, "total": BLACK}
+
+
+def ledger(runs: Mapping[str, Run], near_h_m: float = NEAR_H_M) -> Figure | None:
+    """A row per run: h's residual by channel over time, of the pair of least residual, and its quantiles.
+
+    None where no run has a pair with h below `near_h_m`.
+    """
+    from matplotlib import pyplot as plt
+
+    found = {name: summary(run, near_h_m) for name, run in runs.items()}
+    drawn = [name for name in runs if found[name]["rows"]]
+    if not drawn:
+        return None
+    figure, axes = plt.subplots(
+        len(drawn),
+        2,
+        figsize=(PAGE, 2.4 * len(drawn) + 0.3),
+        layout="constrained",
+        squeeze=False,
+        width_ratios=(3, 2),
+    )
+    for row, name in zip(axes, drawn, strict=True):
+        _over_time(row[0], name, near(runs[name], near_h_m), found[name])
+        _quantiles(row[1], found[name])
+    axes[0][1].set_title("Quantiles: 5 to 95 %, all")
+    axes[0][0].legend(loc="best", ncols=2)
+    return figure
+
+
+def _over_time(a: Axes, name: str, pairs: pd.DataFrame, found: dict[str, Any]) -> None:
+    i, j = found["worst"][0]["vehicles"]
+    rows = pairs[(pairs.i == i) & (pairs.j == j)]
+    total = rows.hdot_realised_mps - rows.hdot_predicted_mps
+    for channel in CHANNELS:
+        part = rows[f"residual_{channel}_mps"]
+        a.plot(rows.t_s, part, color=COLOURS[channel], linewidth=1.0, label=NAMES[channel])
+    a.plot(
+        rows.t_s, total, color=COLOURS["total"], linestyle="--", linewidth=1.0, label="realised - predicted"
+    )
+    # Where h was lost: the moments that matter.
+    lost = rows[rows.h_m < 0]
+    if len(lost):
+        a.axvspan(lost.t_s.iloc[0], lost.t_s.iloc[-1], color="0.85", zorder=0)
+    a.axhline(0.0, **LIMIT)
+    a.set(xlabel="time [s]", ylabel="residual of hdot [m/s]")
+    a.set_title(f"{name}, vehicles {i} and {j}, h below {found['near_h_m']:g} m (grey: h < 0)")
+
+
+def _quantiles(a: Axes, found: dict[str, Any]) -> None:
+    names = [*CHANNELS, "rest", "total"]
+    for k, channel in enumerate(names):
+        q = found["quantiles"][channel]
+        colour = COLOURS[channel]
+        a.plot([q["0"], q["1"]], [k, k], color=colour, linewidth=0.8)
+        a.plot([q["0.05"], q["0.95"]], [k, k], color=colour, linewidth=5, solid_capstyle="butt")
+        a.plot(q["0.5"], k, "|", color="white", ms=7)
+    a.axvline(0.0, **LIMIT)
+    a.set_yticks(range(len(names)), [NAMES.get(n, n) for n in names])
+    a.invert_yaxis()
+    a.set_xlabel("residual of hdot [m/s]")
