@@ -17,7 +17,7 @@ from testbed.wind import SteadyWind
 
 
 class Disturbance(Protocol):
-    """The seam.
+    """What moves the air, and what the vehicles know.
 
     windy                     whether the air moves at all
     wind(t, state)            the air's motion over the ground (N, 3) m/s, east, north and up; depends on

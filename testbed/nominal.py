@@ -11,6 +11,8 @@ from filters.unicycle import Array, Command, State
 
 
 class NominalController(Protocol):
+    """The controller that the filter alters: the input u_hat (N,) wanted at time t [s] in `state` (N,)."""
+
     def __call__(self, t: float, state: State) -> Command:
         """The input u_hat (N,) wanted at time t [s] in `state` (N,); it may lie outside the limits."""
         ...

@@ -53,28 +53,29 @@ def draw_h(folder: Path) -> list[Path]:
     distance = np.linalg.norm(track[:, 0] - track[:, 1], axis=-1)
     k = int(np.argmin(distance))
     with drawing() as plt:
-        figure, (plan, along) = plt.subplots(1, 2, figsize=(PAGE, 2.9), layout="constrained")
+        figure, (plan, along) = plt.subplots(1, 2, figsize=(PAGE, 3.3), layout="constrained")
         for vehicle, (colour, dash) in enumerate(((BLUE, "-"), (VERMILION, "--"))):
             x, y = track[:, vehicle].T
             plan.plot(x, y, color=colour, linestyle=dash, label=f"vehicle {vehicle + 1}, turning for ever")
             course = POSES.theta[vehicle]
             plan.annotate(
                 "",
-                (x[0] + 22 * np.cos(course), y[0] + 22 * np.sin(course)),
+                (x[0] + 28 * np.cos(course), y[0] + 28 * np.sin(course)),
                 (x[0], y[0]),
-                arrowprops={"arrowstyle": "-|>", "color": colour},
+                arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 0.8},
             )
             plan.plot(x[0], y[0], "o", color=colour, markersize=4)
         plan.plot(*track[k].T, color="black", marker=".", label=f"nearest: {distance[k]:.1f} m = h + Ds")
         plan.set(aspect="equal", xlabel="east [m]", ylabel="north [m]")
-        plan.legend(loc="center left", bbox_to_anchor=(1.0, 0.85), frameon=False)
+        figure.legend(loc="outside lower center", ncol=3, frameon=False)
         along.plot(times, distance, color="black", linestyle="-")
         along.plot(times[k], distance[k], "o", color="black", markersize=4)
         along.axhline(DS_M, **LIMIT)
-        along.text(times[-1], DS_M, f"Ds = {DS_M:g} m", va="top", ha="right", fontsize=7)
-        along.annotate("", (times[k], distance[k]), (times[k], DS_M), arrowprops={"arrowstyle": "<->"})
-        along.text(times[k] + 0.6, (distance[k] + DS_M) / 2, f"h = {h:.1f} m", va="center")
-        along.set(xlabel="time along the manoeuvre [s]", ylabel="distance [m]", ylim=(0, None))
+        along.text(0.1, DS_M, f"Ds = {DS_M:g} m", va="bottom", fontsize=7)
+        arrow = {"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0}
+        along.annotate("", (times[k], distance[k]), (times[k], DS_M), arrowprops=arrow)
+        along.text(times[k] + 0.15, (distance[k] + DS_M) / 2, f"h = {h:.1f} m", va="center")
+        along.set(xlabel="time along the manoeuvre [s]", ylabel="distance [m]", xlim=(0, 5), ylim=(0, 60))
         return save(figure, folder, "idea-h")
 
 
@@ -88,13 +89,13 @@ def draw_mismatch(
 ) -> list[Path]:
     """idea-mismatch: the turn asked for and flown, the distance, and h, over the encounter."""
     with drawing() as plt:
-        figure, (turn, apart, barrier) = plt.subplots(1, 3, figsize=(PAGE, 2.5), layout="constrained")
+        figure, (turn, apart, barrier) = plt.subplots(1, 3, figsize=(PAGE, 2.7), layout="constrained")
         first = flown["X8"].vehicles.query("vehicle == 1")
         degrees = np.degrees(first[["omega_command_radps", "omega_radps"]])
         turn.step(first.t_s, degrees.omega_command_radps, where="post", color="black", label="asked for")
-        turn.plot(first.t_s, degrees.omega_radps, label="flown by the X8", **LOOKS["X8"])
+        turn.plot(first.t_s, degrees.omega_radps, label="flown (X8)", **LOOKS["X8"])
         turn.set(ylabel="turn rate [deg/s]")
-        turn.legend(loc="upper right")
+        turn.legend(loc="lower left")
         for name, found in flown.items():
             apart.plot(found.pairs.t_s, found.pairs.distance_m, label=name, **LOOKS[name])
             barrier.plot(found.pairs.t_s, found.pairs.h_m, label=name, **LOOKS[name])
@@ -103,7 +104,7 @@ def draw_mismatch(
         apart.set(ylabel="distance [m]", ylim=(0, 40))
         barrier.axhline(0.0, **LIMIT)
         barrier.set(ylabel="h [m]", ylim=(-1, 12))
-        barrier.legend(loc="upper right")
+        figure.legend(*barrier.get_legend_handles_labels(), loc="outside lower center", ncol=3, frameon=False)
         for axes in (turn, apart, barrier):
             axes.set(xlabel="time [s]", xlim=window)
         return save(figure, folder, "idea-mismatch")
