@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from testbed.scenario import load, parse
-from testbed.studies.ladder import Rung, account, alone, climb, cumulative, rates, rungs
+from testbed.studies.ladder import Rung, account, alone, climb, cumulative, markdown, rates, rungs, summary
 from testbed.studies.measure import Job, default_starts, override
 
 # Two lags a and b of a scripted vehicle that comes 10 - a - 2b - 3ab + seed close.
@@ -54,8 +54,24 @@ def test_differences_telescope_to_the_total(table: Any) -> None:
 
 
 def test_rates_count_what_does_not_hold(table: Any) -> None:
-    assert rates(table, SCRIPTED)["ideal"].startswith("0/5")
-    assert rates(table, SCRIPTED)["b"].startswith("2/5")
+    found = rates(table, SCRIPTED)
+    assert (found["ideal"].count, found["ideal"].runs) == (0, 5)
+    assert (found["b"].count, found["b"].runs) == (2, 5)
+
+
+def test_a_run_that_could_not_start_is_in_no_rate_and_no_mean(table: Any) -> None:
+    lost = table.copy()
+    void = (lost.rung == "b") & (lost.seed == 5)
+    lost.loc[void, ["distance_m", "distance_verdict", "refused"]] = [None, None, "no steady flight"]
+    lost["h_m"] = lost.distance_m
+    made = summary(lost, SCRIPTED).set_index("rung")
+    assert made.loc["b", ["flown", "refused", "lost"]].tolist() == [4, 1, 2]
+    # seeds 1 to 4 on every rung: 10 - a - 2 b - 3 a b + 2.5
+    assert made.distance_m["ideal"] == pytest.approx(12.5)
+    assert made.distance_m["b"] == pytest.approx(12.5 - 0.5 - 0.5 - 0.375)
+    assert made.distance_m_change["interaction"] == pytest.approx(-0.375)
+    text = markdown(made.reset_index())
+    assert "| b | 2 of 4 | 7 to 93 % | 1 | 11.12 |" in text and "*interaction*" in text
 
 
 def test_an_interrupted_climb_resumes_where_it_stopped(tmp_path: Path) -> None:

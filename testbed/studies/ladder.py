@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.scenario import Scenario
-from testbed.statistics import Mean, mean, rate
+from testbed.statistics import Mean, Rate, mean, rate
 from testbed.studies.flying import fly_all, notebook
 from testbed.studies.measure import Fields, Job, measure, override
 
@@ -175,10 +175,73 @@ def account(table: pd.DataFrame, ladder: Sequence[Rung], quantity: str, seed: in
     return Account(quantity, steps, mean(total, rng), mean(total - singles, rng))
 
 
-def rates(table: pd.DataFrame, ladder: Sequence[Rung]) -> dict[str, str]:
-    """Rung -> how many runs did not keep Ds (whatever ended or voided them), with the interval."""
+def rates(table: pd.DataFrame, ladder: Sequence[Rung]) -> dict[str, Rate]:
+    """Rung -> how many of the runs flown did not keep Ds; what could not start is not among them."""
     found = {}
     for rung in ladder:
-        rows = table[table.rung == rung.name]
-        found[rung.name] = str(rate((rows.distance_verdict != "holds").to_numpy()))
+        rows = table[(table.rung == rung.name) & ~_refused(table)]
+        found[rung.name] = rate((rows.distance_verdict != "holds").to_numpy())
     return found
+
+
+def _refused(table: pd.DataFrame) -> pd.Series[bool]:
+    """Runs that could not start; read from a file, a run that could has nan there."""
+    return table.refused.fillna("") != ""
+
+
+def summary(table: pd.DataFrame, ladder: Sequence[Rung]) -> pd.DataFrame:
+    """One row per rung, then the top against the bottom and the interaction; m, 95 % intervals.
+
+    Rates are of all runs flown, means of the seeds flown on every rung, alone and together.
+    """
+    import pandas as pd
+
+    lost, refused = rates(table, ladder), table[_refused(table)].rung.value_counts()
+    accounts = {q: account(table, ladder, q) for q in ("distance_m", "h_m")}
+
+    def changes(of: dict[str, Mean | None]) -> dict[str, float]:
+        named = {}
+        for name, m in of.items():
+            value, low, high = (m.value, m.low, m.high) if m else (np.nan, np.nan, np.nan)
+            named |= {name: value, f"{name}_low": low, f"{name}_high": high}
+        return named
+
+    rows = []
+    for steps in zip(*(a.steps for a in accounts.values()), strict=True):
+        of = lost[steps[0].rung]
+        row = {"rung": steps[0].rung, "flown": of.runs, "refused": int(refused.get(steps[0].rung, 0))}
+        row |= {"lost": of.count, "rate_low": of.low, "rate_high": of.high}
+        for (q, _), step in zip(accounts.items(), steps, strict=True):
+            row |= {q: step.value} | changes({f"{q}_change": step.difference, f"{q}_alone": step.alone})
+        rows.append(row)
+    for name in ("total", "interaction"):
+        row = {"rung": name}
+        for q, a in accounts.items():
+            row |= changes({f"{q}_change": getattr(a, name)})
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """A summary as Markdown, as the guide shows it; metres."""
+
+    def change(row: pd.Series[float], name: str) -> str:
+        if np.isnan(row[name]):
+            return ""
+        return f"{row[name]:+.2f} ({row[f'{name}_low']:+.2f} to {row[f'{name}_high']:+.2f})"
+
+    lines = [
+        "| rung | lost | 95 % interval | not flown | mean least d | change | alone | mean least h | change |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for _, r in table.iterrows():
+        if np.isnan(r.flown):
+            d, h = change(r, "distance_m_change"), change(r, "h_m_change")
+            lines.append(f"| *{r.rung}* | | | | | {d} | | | {h} |")
+            continue
+        lines.append(
+            f"| {r.rung} | {r.lost:.0f} of {r.flown:.0f}"
+            f" | {100 * r.rate_low:.0f} to {100 * r.rate_high:.0f} % | {r.refused:.0f} | {r.distance_m:.2f} | {change(r, 'distance_m_change')}"
+            f" | {change(r, 'distance_m_alone')} | {r.h_m:.2f} | {change(r, 'h_m_change')} |"
+        )
+    return "\n".join(lines) + "\n"

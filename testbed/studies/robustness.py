@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from testbed.errors import UserError, nearest
 from testbed.report import robustness_figures as figures
@@ -18,6 +18,9 @@ from testbed.studies import ladder as ladders
 from testbed.studies import margin as margins
 from testbed.studies import remedies
 from testbed.studies.measure import default_starts
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass
@@ -36,7 +39,7 @@ class Found:
 
 
 def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: bool) -> Found:
-    """The fidelity ladder of `s`: ladder.csv (a row per run), ladder.json (the account), figures."""
+    """The fidelity ladder of `s`: ladder.csv (a row per run), rungs.csv and ladder.json, figures."""
     check_free(out, overwrite)
     s = default_starts(s)
     rungs = ladders.rungs(s)
@@ -47,7 +50,7 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
     rows = [
         {
             "rung": d.rung,
-            "lost": lost[d.rung],
+            "lost": str(lost[d.rung]),
             "d [m]": round(d.value, 2),
             "change of d [95 % CI]": _mean(d.difference),
             "alone": _mean(d.alone),
@@ -60,6 +63,7 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
     }
     with reported(out, overwrite) as folder:
         table.to_csv(folder / "ladder.csv", index=False)
+        ladders.summary(table, rungs).to_csv(folder / "rungs.csv", index=False)
         write_json(folder / "ladder.json", data | {"scenario": s.model_dump(mode="json")})
         figures.ladder(table, distance, h, s.d_safe_m, folder)
     return Found(
@@ -70,9 +74,18 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
             f"least distance, top rung against bottom: {distance.total} m;"
             f" interaction of the single effects: {distance.interaction} m",
             f"least h, top rung against bottom: {h.total} m; interaction: {h.interaction} m",
+            *_not_flown(table),
         ],
         data,
     )
+
+
+def _not_flown(table: pd.DataFrame) -> list[str]:
+    refused = table[table.refused != ""]
+    if not len(refused):
+        return []
+    where = ", ".join(f"{count} on {rung}" for rung, count in refused.rung.value_counts(sort=False).items())
+    return [f"could not start, and counted nowhere: {where}; such as seed {refused.seed.iloc[0]}"]
 
 
 def compare_remedies(
