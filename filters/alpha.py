@@ -41,7 +41,7 @@ class OddPolynomial:
         """alpha(h), of h's shape."""
         h = np.asarray(h, dtype=float)
         square = h * h
-        total = np.full_like(h, self.coefficients[-1])
+        total: Array | float = self.coefficients[-1]
         for c in self.coefficients[-2::-1]:
             total = total * square + c
         return np.asarray(total * h)

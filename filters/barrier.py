@@ -16,6 +16,7 @@ from filters.pairs import (
     Index,
     PairValues,
     all_pairs,
+    at,
     by_blocks,
     check_count,
     check_separation,
@@ -103,22 +104,28 @@ class TurnBarrier:
         """h and gradient (see `Barrier.values`); at Z = 0, the kink, the subgradient that takes d|Z| = 0."""
         check_count(len(state), self._radius, "sigma")
         form = form_function(self.form)
-        heading = np.cos(state.theta) + 1j * np.sin(state.theta)
-        arm = self._radius * heading
-        centre = state.x + 1j * state.y + 1j * arm
-        tilt = (self.delta * (-1 - 1j)) * heading
+        # One array, so that a pair's vehicles are looked up once: heading times radius, centre, height, tilt.
+        poses = np.empty((4 if self.delta else 3, *state.shape), dtype=complex)
+        heading = np.empty(state.shape, dtype=complex)
+        np.cos(state.theta, out=heading.real)
+        np.sin(state.theta, out=heading.imag)
+        arm = np.multiply(self._radius, heading, out=poses[0])
+        np.subtract(state.x, arm.imag, out=poses[1].real)
+        np.add(state.y, arm.real, out=poses[1].imag)
+        poses[2] = state.z
+        if self.delta:
+            np.multiply(self.delta * (-1 - 1j), heading, out=poses[3])
         epsilon = self.smoothing**2
 
         def kernel(i: Index, j: Index, grad: Array) -> Array:
-            arm_i, arm_j = arm[i], arm[j]
-            q = arm_i - arm_j
-            d = centre[i] - centre[j]
-            dz = state.z[i] - state.z[j]
+            poses_i, poses_j = at(poses, i), at(poses, j)
+            apart = poses_i[:3] - poses_j[:3]
+            arm_i, arm_j, q, d, dz = poses_i[0], poses_j[0], apart[0], apart[1], apart[2].real
             z = q * d.conj()
             z *= -2j
             excess: Array | float = epsilon
             if self.delta:
-                tilt_i = tilt[i]
+                tilt_i = poses_i[3]
                 # |Z|^2 - |Z at delta 0|^2 + eps^2, without subtracting large numbers
                 excess = 2 * (z.real * tilt_i.real + z.imag * tilt_i.imag) + (2 * self.delta**2 + epsilon)
                 z += tilt_i
@@ -146,7 +153,6 @@ class TurnBarrier:
             return h
 
         return by_blocks(*chosen_pairs(state, i, j), kernel)
-
 
     def phasor(self, state: State) -> Array:
         """Z of every pair i < j (P,), complex, m^2: the kink of h is where it is 0, smoothing apart."""
@@ -214,15 +220,18 @@ class StraightBarrier:
         speed, climb = np.asarray(self.v), np.asarray(self.zeta)
         check_count(len(state), speed, "v")
         form = form_function(self.form)
-        position = state.x + 1j * state.y
-        velocity = speed * (np.cos(state.theta) + 1j * np.sin(state.theta))
+        # One array, so that a pair's vehicles are looked up once: velocity, position, height.
+        poses = np.empty((3, *state.shape), dtype=complex)
+        np.multiply(speed, np.cos(state.theta), out=poses[0].real)
+        np.multiply(speed, np.sin(state.theta), out=poses[0].imag)
+        poses[1].real, poses[1].imag, poses[2] = state.x, state.y, state.z
 
         def kernel(i: Index, j: Index, grad: Array) -> Array:
-            velocity_i, velocity_j = velocity[i], velocity[j]
-            w = velocity_i - velocity_j
+            poses_i, poses_j = at(poses, i), at(poses, j)
+            velocity_i, velocity_j = poses_i[0], poses_j[0]
+            w, d, d_z = poses_i - poses_j
+            d_z = d_z.real
             w_z = climb[vehicle_of(i)] - climb[vehicle_of(j)]
-            d = position[i] - position[j]
-            d_z = state.z[i] - state.z[j]
             closing = d.real * w.real + d.imag * w.imag + d_z * w_z
             tau = np.maximum(0.0, -closing / (w.real * w.real + w.imag * w.imag + w_z * w_z))
             # The closest offset is squared; the text's c - b^2/4a would cancel for pairs that nearly collide.

@@ -42,12 +42,15 @@ class PairValues:
         state  the state the values were computed at
         Source  Squires et al. 2022, eq. (2): g has the columns (cos theta, sin theta, 0, 0), e_3 and e_4.
         """
-        c, s = np.cos(state.theta), np.sin(state.theta)
+        ahead = np.empty((2, *state.shape))
+        np.cos(state.theta, out=ahead[0])
+        np.sin(state.theta, out=ahead[1])
+        grad = self.grad.T.reshape(2, 4, -1)  # [i or j, x y theta z, pair]
         rows = np.empty((2, 3, len(self.h)))
-        for row, vehicle, g in ((rows[0], self.i, self.grad.T[:4]), (rows[1], self.j, self.grad.T[4:])):
-            np.multiply(g[0], c[vehicle], out=row[0])
-            row[0] += g[1] * s[vehicle]
-            row[1:] = g[2:]
+        for row, vehicle, g in zip(rows, (self.i, self.j), grad, strict=True):
+            along = g[:2] * at(ahead, vehicle)
+            np.add(along[0], along[1], out=row[0])
+        rows[:, 1:] = grad[:, 2:]
         return rows[0].T, rows[1].T
 
 
@@ -110,6 +113,11 @@ def by_blocks(i: Index, j: Index, kernel: Callable[[Index, Index, Array], Array]
         cut_i, cut_j = (tuple(k[part] for k in x) if isinstance(x, tuple) else x[part] for x in (i, j))
         h[part] = kernel(cut_i, cut_j, grad[:, part])
     return PairValues(i, j, h, grad.T)
+
+
+def at(values: Array, index: Index) -> Any:
+    """values (..., P) of values (..., N) or (..., observers, N), of any type, at pair indices."""
+    return values[(..., *index)] if isinstance(index, tuple) else values.take(index, axis=-1)
 
 
 def vehicle_of(index: Index) -> NDArray[np.intp]:

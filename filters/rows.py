@@ -73,15 +73,15 @@ def _amount(margin: Margin, lie: Array) -> Array:
 
 
 def taken(values: Array, index: NDArray[np.intp]) -> Array:
-    """values[index] (R, 3) of values (N, 3)."""
-    # Six times as fast as indexing for rows this short.
-    return values.take(index, axis=0)
+    """values[index] (R, 3) of values (N, 3), laid out column by column as `PairValues.lie` is."""
+    return values.T.take(index, axis=1).T
 
 
 def dot(a: Array, b: Array) -> Array:
     """Row-wise inner products (R,) of (R, 3) and (R, 3)."""
     # Column by column: numpy's reductions over a last axis of 3 cost several times as much.
-    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]  # type: ignore[no-any-return]
+    x, y, z = (a * b).T
+    return x + y + z  # type: ignore[no-any-return]
 
 
 def least(lie: Array, lower: Array, upper: Array) -> Array:

@@ -7,12 +7,15 @@ ground speed, `omega` the course rate, `zeta` the climb rate (Squires et al. 202
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+_FLOAT = np.dtype(np.float64)
 
 
 class _Arrays:
@@ -24,14 +27,20 @@ class _Arrays:
         cls._names = tuple(cls.__annotations__)
 
     def __post_init__(self) -> None:
-        values = [getattr(self, name) for name in self._names]
+        values = [self.__dict__[name] for name in self._names]
         shape = getattr(values[0], "shape", None)
         # Nearly always the fields are arrays of one shape already, and this is on every hot path.
-        if all(type(v) is np.ndarray and v.dtype == np.float64 and v.shape == shape for v in values):
-            return
+        for v in values:
+            if type(v) is not np.ndarray or v.dtype is not _FLOAT or v.shape != shape:
+                break
+        else:
+            return self._check()
         arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in values))
-        for name, a in zip(self._names, arrays, strict=True):
-            object.__setattr__(self, name, a)
+        self.__dict__.update(zip(self._names, arrays, strict=True))
+        self._check()
+
+    def _check(self) -> None:
+        """Raises ValueError for fields that mean nothing."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -55,7 +64,11 @@ class _Arrays:
     def of(cls, values: ArrayLike) -> Self:
         """The inverse of `array`: the last axis holds the fields in the order they are declared."""
         values = np.asarray(values, dtype=float)
-        return cls(*(values[..., k] for k in range(len(cls._names))))
+        made = object.__new__(cls)  # slices of one array need no broadcasting
+        for k, name in enumerate(cls._names):
+            made.__dict__[name] = values[..., k]
+        made._check()
+        return made
 
     def isfinite(self) -> NDArray[np.bool_]:
         """True where every field is finite, of the fields' shape."""
@@ -93,8 +106,7 @@ class Limits(_Arrays):
     omega_max: Array
     zeta_max: Array
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if not np.all(self.isfinite()):
             raise ValueError(f"limits must be finite, got {self}")
         if not np.all((self.v_min > 0) & (self.v_min <= self.v_max)):
@@ -109,6 +121,13 @@ class Limits(_Arrays):
     @property
     def upper(self) -> Command:
         return Command(self.v_max, self.omega_max, self.zeta_max)
+
+    @cached_property
+    def corners(self) -> tuple[Array, Array]:
+        """`lower` and `upper` as arrays (..., 3); read-only."""
+        low, high = self.lower.array(), self.upper.array()
+        low.flags.writeable = high.flags.writeable = False
+        return low, high
 
     def clip(self, command: Command) -> Command:
         """The point of U nearest to `command` (the box projection)."""
