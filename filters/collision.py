@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -73,7 +74,7 @@ class Passthrough:
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
         problem = Problem(*input_set(view, nominal, limits))
         none = np.zeros(len(problem.target))
-        return decision(problem, problem.clipped(), none.astype(int), none, None, np.zeros(0))
+        return decision(problem, problem.clipped, none.astype(int), none, None, np.zeros(0))
 
 
 class CollisionFilter:
@@ -115,14 +116,17 @@ class CollisionFilter:
         self.barrier: Barrier = barrier
         qp.check_solver(solver)
         self.alpha, self.mode, self.margin, self.solver = alpha, mode, margin, solver
+        self._gamma: dict[int, Array | None] = {}
 
     def rows(self, view: View) -> Rows:
         """The paper's rows of all pairs, without margin, from what each vehicle knows of itself."""
         return barrier_rows(self.barrier, self.alpha, view.own().state)
 
     def gamma(self, n: int) -> Array | None:
-        """The shared evading manoeuvre (N, 3), or None if the barrier has none."""
-        return _manoeuvre(self.barrier, n)
+        """The shared evading manoeuvre (N, 3), or None if the barrier has none; read-only."""
+        if n not in self._gamma:
+            self._gamma[n] = _manoeuvre(self.barrier, n)
+        return self._gamma[n]
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
         """The nearest safe commands to `nominal` (N,) inside `limits` () or (N,).
@@ -136,10 +140,11 @@ class CollisionFilter:
         if self.mode == "centralised":
             u, status, residual = problem.centralised(rows.raised(self.margin))
         else:
+            gamma = self.gamma(len(target))
             own = (
-                limited_rows(self.barrier, rows, len(target))
+                limited_rows(self.barrier, rows, len(target), gamma)
                 if view.shared
-                else observed_rows(self.barrier, self.alpha, view)
+                else observed_rows(self.barrier, self.alpha, view, gamma)
             )
             u, status, residual = problem.limited(own.raised(self.margin))
         return decision(problem, u, status, residual, rows.pairs, rows.left(u))
@@ -155,6 +160,7 @@ class Problem:
     barrier: Barrier | None = None
     solver: qp.Solver = "auto"
 
+    @cached_property
     def clipped(self) -> Array:
         """The targets inside the limits (N, 3)."""
         # numpy's own clip spends more time on checking its arguments than on so few numbers.
@@ -166,16 +172,20 @@ class Problem:
         Cost and box couple no vehicles, so each group of vehicles joined by rows is a QP of its own: exact.
         """
         i, j = rows.i, rows.j
+        u = self.clipped
+        status = np.full(len(u), int(Status.SOLVED))
+        short = rows.rhs - rows.left(u)
+        broken = short > 0
+        if not broken.any():
+            return u, status, np.zeros(len(u))
         # Rows that no input in the box can violate go. That is exact, and they are the worst scaled ones (a
         # cubic alpha far from the boundary).
         worst = least(rows.lie_i, taken(self.lower, i), taken(self.upper, i))
         worst += least(rows.lie_j, taken(self.lower, j), taken(self.upper, j))
         kept = ~(worst >= rows.rhs)
-        u = self.clipped()
-        status = np.full(len(u), int(Status.SOLVED))
-        short = rows.rhs - rows.left(u)
-        broken = kept & (short > 0)
+        broken &= kept
         if broken.any():
+            u = u.copy()
             group = _groups(len(u), i[kept], j[kept])
             for g in np.unique(group[i[broken]]):
                 inside = np.flatnonzero(group == g)
@@ -205,22 +215,19 @@ class Problem:
 
     def limited(self, rows: OwnRows) -> tuple[Array, NDArray[np.int_], Array]:
         """Inputs (N, 3), status (N,) and residual (N,) of one QP per vehicle over its own rows."""
-        vehicle = rows.vehicle
-        u = self.clipped()
-        status = np.full(len(u), int(Status.SOLVED))
-        short = rows.rhs - rows.left(u)
-        broken = short > 0
-        if broken.any():
-            kept = ~(least(rows.lie, taken(self.lower, vehicle), taken(self.upper, vehicle)) >= rows.rhs)
-            solving = np.zeros(len(u), dtype=bool)
-            solving[vehicle[kept & broken]] = True
-            use = np.flatnonzero(kept & solving[vehicle])
-            u, status = solve_each(
-                self.target, vehicle[use], rows.lie[use], rows.rhs[use], self.lower, self.upper, self.solver
-            )
-            self._evade(u, np.flatnonzero(status != int(Status.SOLVED)))
-            short = rows.rhs - rows.left(u)
-        return u, status, _worst_of(len(u), (vehicle, short))
+        vehicle, u = rows.vehicle, self.clipped
+        broken = rows.rhs - rows.left(u) > 0
+        if not broken.any():
+            return u, np.full(len(u), int(Status.SOLVED)), np.zeros(len(u))
+        kept = ~(least(rows.lie, taken(self.lower, vehicle), taken(self.upper, vehicle)) >= rows.rhs)
+        solving = np.zeros(len(u), dtype=bool)
+        solving[vehicle[kept & broken]] = True
+        use = np.flatnonzero(kept & solving[vehicle])
+        u, status = solve_each(
+            self.target, vehicle[use], rows.lie[use], rows.rhs[use], self.lower, self.upper, self.solver
+        )
+        self._evade(u, np.flatnonzero(status != int(Status.SOLVED)))
+        return u, status, _worst_of(len(u), (vehicle, rows.rhs - rows.left(u)))
 
     def _evade(self, u: Array, vehicles: Indices) -> None:
         """Have `vehicles` of u (N, 3) fly gamma, if there is one: their QP has no solution."""
@@ -232,11 +239,13 @@ class Problem:
 
 
 def _manoeuvre(barrier: Barrier, n: int) -> Array | None:
-    """gamma (N, 3), or None for a barrier without one."""
+    """gamma (N, 3), read-only, or None for a barrier without one."""
     try:
-        return barrier.manoeuvre(n).array()
+        gamma = barrier.manoeuvre(n).array()
     except ValueError:
         return None
+    gamma.flags.writeable = False
+    return gamma
 
 
 def _worst_of(n: int, *shortfalls: tuple[NDArray[np.intp], Array]) -> Array:
@@ -251,11 +260,18 @@ def _worst_of(n: int, *shortfalls: tuple[NDArray[np.intp], Array]) -> Array:
 
 def _groups(n: int, i: Indices, j: Indices) -> NDArray[np.int_]:
     """A label (N,) per vehicle, equal where rows between i and j (R,) join vehicles."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    # Two parents and a loop: scipy's connected components take as long as 500 rows do here.
+    parent = list(range(n))
 
-    _, label = connected_components(coo_array((np.ones(i.size), (i, j)), shape=(n, n)), directed=False)
-    return np.asarray(label)
+    def root(v: int) -> int:
+        while parent[v] != v:
+            parent[v] = v = parent[parent[v]]
+        return v
+
+    for a, b in zip(i.tolist(), j.tolist(), strict=True):
+        a, b = root(a), root(b)
+        parent[max(a, b)] = min(a, b)
+    return np.array([root(v) for v in range(n)])
 
 
 def input_set(view: View, nominal: Command, limits: Limits) -> tuple[Array, Array, Array]:
@@ -270,9 +286,9 @@ def input_set(view: View, nominal: Command, limits: Limits) -> tuple[Array, Arra
     if not np.isfinite(target).all():
         bad = int(np.flatnonzero(~np.isfinite(target).all(-1))[0])
         raise ValueError(f"the nominal command of vehicle {bad + 1} is not finite: {target[bad]}")
-    lower, upper = np.empty((2, n, 3))
-    lower[:, 0], lower[:, 1], lower[:, 2] = limits.v_min, -limits.omega_max, -limits.zeta_max
-    upper[:, 0], upper[:, 1], upper[:, 2] = limits.v_max, limits.omega_max, limits.zeta_max
+    lower, upper = limits.corners
+    if lower.shape != target.shape:
+        lower, upper = np.broadcast_to(lower, target.shape), np.broadcast_to(upper, target.shape)
     return target, lower, upper
 
 
@@ -285,5 +301,5 @@ def decision(
     hdot: Array,
 ) -> Decision:
     """The decision to fly `u` (N, 3), with what that changed; hdot (P,) is L_g h u of `pairs`."""
-    beyond = np.abs(u - problem.clipped()).max(-1)
+    beyond = np.abs(u - problem.clipped).max(-1)
     return Decision(Command.of(u), status, residual, beyond > OVERRIDE, beyond, pairs, hdot)

@@ -124,7 +124,7 @@ class Monitor:
             active = np.flatnonzero(np.abs(rows.left(u) - rows.rhs) <= ACTIVE * size)
             _see_cosines(see["aligned"], step, rows, active)
         try:
-            own = limited_rows(self.filter.barrier, rows, len(u))
+            own = limited_rows(self.filter.barrier, rows, len(u), self.filter.gamma(len(u)))
         except ValueError:  # no manoeuvre: neither limited communication nor gamma exists
             return
         self._watch_limited(rows, own, problem, inside, u if solved else None)

@@ -119,26 +119,27 @@ def _name_infinite(rows: Rows) -> None:
     )
 
 
-def shares(barrier: Barrier, rows: Rows, n: int) -> tuple[Array, Array]:
+def shares(barrier: Barrier, rows: Rows, n: int, gamma: Array | None = None) -> tuple[Array, Array]:
     """The right-hand sides (P,) of the limited-communication rows of i and of j; they add up to the pair's.
 
     Each vehicle assumes that the other flies gamma and takes half of what both flying gamma leaves over
     (|V^j| = 2, L_f h = 0): rhs_i = -alpha(h)/2 - (L_g h_j gamma_j - L_g h_i gamma_i)/2.
+    gamma   the barrier's manoeuvre (N, 3), if the caller has it at hand
     Raises  ValueError if the barrier has no manoeuvre.
     Source  Squires et al. 2022, the QP of "Control calculation with limited communication".
     """
     if isinstance(barrier, PerPair):
         gamma_i, gamma_j = barrier.manoeuvres(rows.i, rows.j, n)
     else:
-        gamma = barrier.manoeuvre(n).array()
+        gamma = barrier.manoeuvre(n).array() if gamma is None else gamma
         gamma_i, gamma_j = taken(gamma, rows.i), taken(gamma, rows.j)
     difference = 0.5 * (dot(rows.lie_i, gamma_i) - dot(rows.lie_j, gamma_j))
     return 0.5 * rows.rhs + difference, 0.5 * rows.rhs - difference
 
 
-def limited_rows(barrier: Barrier, rows: Rows, n: int) -> OwnRows:
+def limited_rows(barrier: Barrier, rows: Rows, n: int, gamma: Array | None = None) -> OwnRows:
     """Each pair's two limited-communication rows (2P,), i's and then j's, when all see the same."""
-    rhs_i, rhs_j = shares(barrier, rows, n)
+    rhs_i, rhs_j = shares(barrier, rows, n, gamma)
     return OwnRows(
         np.concatenate([rows.i, rows.j]),
         np.concatenate([rows.lie_i, rows.lie_j]),
@@ -146,13 +147,13 @@ def limited_rows(barrier: Barrier, rows: Rows, n: int) -> OwnRows:
     )
 
 
-def observed_rows(barrier: Barrier, alpha: Alpha, view: View) -> OwnRows:
+def observed_rows(barrier: Barrier, alpha: Alpha, view: View, gamma: Array | None = None) -> OwnRows:
     """Every vehicle's own limited-communication rows (N (N-1),), each computed from that vehicle's view."""
     n = len(view.state)
     observer, other = np.nonzero(~np.eye(n, dtype=bool))
     i, j = np.minimum(observer, other), np.maximum(observer, other)
     rows = barrier_rows(barrier, alpha, view.state, (observer, i), (observer, j))
-    rhs_i, rhs_j = shares(barrier, rows, n)
+    rhs_i, rhs_j = shares(barrier, rows, n, gamma)
     first = observer < other
     return OwnRows(observer, np.where(first[:, None], rows.lie_i, rows.lie_j), np.where(first, rhs_i, rhs_j))
 
