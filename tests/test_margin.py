@@ -37,6 +37,17 @@ def test_the_lower_edge_is_bisected_and_certified_on_fresh_seeds() -> None:
     assert certificate.runs >= 400 and found.bound <= 0.01
 
 
+def test_the_curve_tells_what_a_setting_costs() -> None:
+    def dear(job: Job) -> dict[str, Any]:
+        buffer = json.loads(job.data)["remedy"]["ds_buffer_m"]
+        return answer(job, False) | {"path_added_m": 10 * buffer + job.seed, "time_added_s": buffer}
+
+    found = find(SCENARIO, "ds_buffer", 0.5, seeds=3, workers=1, measured=dear)
+    at = {p.setting: p for p in found.points if p.stage == "sweep"}
+    # the middle one of seeds 1 to 3
+    assert (at[2.0].path_added_m, at[2.0].time_added_s) == (22.0, 2.0)
+
+
 def test_a_knob_that_helps_only_within_a_window_is_found_at_its_lower_edge() -> None:
     def window(job: Job) -> dict[str, Any]:
         return answer(job, not 0.27 <= json.loads(job.data)["remedy"]["prediction_s"] <= 0.61)

@@ -60,9 +60,11 @@ def remedies(table: pd.DataFrame, d_safe: float, folder: Path) -> list[Path]:
 
 
 def margin(found: Margin, folder: Path) -> list[Path]:
-    """The violation rate against the knob, with intervals, and the setting found."""
+    """Against the knob: the violation rate with intervals, and what the setting costs in path and time."""
     with drawing() as pyplot:
-        figure, a = pyplot.subplots(figsize=(PAGE * 0.75, 3.2), layout="constrained")
+        figure, (a, cost) = pyplot.subplots(
+            2, 1, figsize=(PAGE * 0.75, 4.6), sharex=True, layout="constrained", height_ratios=(3, 2)
+        )
         for stage, colour, marker in (
             ("sweep", BLUE, "o"),
             ("bisect", GREEN, "s"),
@@ -79,8 +81,21 @@ def margin(found: Margin, folder: Path) -> list[Path]:
                 x, y, yerr=[y - low, high - y], fmt=marker, ms=3.5, color=colour, capsize=2, label=stage
             )
         a.axhline(100 * found.target_rate, **LIMIT)
-        a.set(xlabel=f"{found.knob} [{found.unit}]", ylabel="runs that lose Ds [%], 95 % interval")
+        a.set(ylabel="runs that lose Ds [%], 95 % interval")
         a.legend(loc="best")
+        swept = sorted((p for p in found.points if p.stage == "sweep"), key=lambda p: p.setting)
+        time = cost.twinx()
+        time.grid(False)
+        for axes, name, colour, mark in (
+            (cost, "path_added_m", BLUE, "o-"),
+            (time, "time_added_s", GREEN, "s--"),
+        ):
+            known = [(p.setting, getattr(p, name)) for p in swept if getattr(p, name) is not None]
+            if known:
+                axes.plot(*zip(*known, strict=True), mark, ms=3, color=colour)
+        cost.set_ylabel("path added [m], solid", color=BLUE)
+        time.set_ylabel("time added [s], dashed", color=GREEN)
+        cost.set(xlabel=f"{found.knob} [{found.unit}]")
         return save(figure, folder, "margin")
 
 

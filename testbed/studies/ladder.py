@@ -200,7 +200,7 @@ def summary(table: pd.DataFrame, ladder: Sequence[Rung]) -> pd.DataFrame:
     accounts = {q: account(table, ladder, q) for q in ("distance_m", "h_m")}
 
     def changes(of: dict[str, Mean | None]) -> dict[str, float]:
-        named = {}
+        named: dict[str, float] = {}
         for name, m in of.items():
             value, low, high = (m.value, m.low, m.high) if m else (np.nan, np.nan, np.nan)
             named |= {name: value, f"{name}_low": low, f"{name}_high": high}
@@ -241,7 +241,8 @@ def markdown(table: pd.DataFrame) -> str:
             continue
         lines.append(
             f"| {r.rung} | {r.lost:.0f} of {r.flown:.0f}"
-            f" | {100 * r.rate_low:.0f} to {100 * r.rate_high:.0f} % | {r.refused:.0f} | {r.distance_m:.2f} | {change(r, 'distance_m_change')}"
+            f" | {100 * r.rate_low:.0f} to {100 * r.rate_high:.0f} % | {r.refused:.0f}"
+            f" | {r.distance_m:.2f} | {change(r, 'distance_m_change')}"
             f" | {change(r, 'distance_m_alone')} | {r.h_m:.2f} | {change(r, 'h_m_change')} |"
         )
     return "\n".join(lines) + "\n"

@@ -64,7 +64,7 @@ KNOBS = {
 
 @dataclass(frozen=True)
 class Point:
-    """One setting on one set of seeds."""
+    """One setting on some seeds; path, time and arrival are medians over its runs of the worst vehicle's."""
 
     setting: float
     violations: int
@@ -73,6 +73,7 @@ class Point:
     rate_high: float
     least_distance_m: float
     path_added_m: float | None
+    time_added_s: float | None
     goal_passed_s: float | None
     stage: str
 
@@ -164,6 +165,7 @@ def _point(setting: float, rows: list[dict[str, Any]], stage: str) -> Point:
         lost.high,
         min(distances, default=float("nan")),
         _median([row.get("path_added_m") for row in rows]),
+        _median([row.get("time_added_s") for row in rows]),
         _median([row.get("goal_passed_s") for row in rows]),
         stage,
     )

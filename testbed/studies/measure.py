@@ -42,8 +42,9 @@ def measure(job: Job) -> dict[str, Any]:
         row[column] = done.guarantee(name)["value"]
         row[f"{column.partition('_')[0]}_verdict"] = done.guarantee(name)["verdict"]
     row["overridden_share"] = done.guarantee("intervention")["value"]
-    added = [a for a in done.guarantee("intervention")["detail"]["path_added_m"] if a is not None]
-    row["path_added_m"] = max(added) if added else None
+    for name in ("path_added_m", "time_added_s"):
+        added = [a for a in done.guarantee("intervention")["detail"][name] if a is not None]
+        row[name] = max(added) if added else None
     row["goal_m"] = done.guarantee("goal")["value"]
     row["goal_passed_s"] = done.guarantee("goal")["detail"].get("last_passed_s")
     return row

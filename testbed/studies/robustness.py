@@ -124,6 +124,7 @@ def compare_remedies(
             "h [m]": round(r.least_h_m, 2),
             "no QP": int(r.infeasible_steps),
             "path %": round(100 * r.path_cost, 1),
+            "delay [s]": round(r.goal_delay_s, 2),
         }
         for r in table.itertuples()
     ]
@@ -153,6 +154,8 @@ def margin(
             "lost": f"{p.violations}/{p.runs}",
             "95 % CI": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
             "d [m]": round(p.least_distance_m, 2),
+            "path [m]": p.path_added_m,
+            "time [s]": p.time_added_s,
         }
         for p in sorted(found.points, key=lambda p: (p.stage, p.setting))
     ]
