@@ -19,6 +19,8 @@ KEPT, LOST, OPEN = "kept", "lost", "open"
 SIGNS = {KEPT: "✓", LOST: "✗", OPEN: "?"}
 # Browsers refuse longer addresses; a table beyond it is thinned by who makes it, or not offered.
 LONGEST_URI = 1_900_000
+# Round-off, written as the zero it stands for.
+NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -164,7 +166,7 @@ def cell(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value + 0.0:.4g}"
+        return f"{value:.4g}" if abs(value) > NOTHING else "0"
     if isinstance(value, list | tuple):
         return ", ".join(cell(v) for v in value)
     return str(value)

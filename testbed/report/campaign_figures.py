@@ -49,5 +49,7 @@ def cells(
             right.plot(np.median(of), k, "|", ms=14, mew=2, color=BLACK)
     if bound is not None:
         right.axvline(bound, **LIMIT)
-    right.set_xlabel("least distance [m] (dotted: Ds)" if guarantee == "separation" else f"value of {guarantee}")
+    right.set_xlabel(
+        "least distance [m] (dotted: Ds)" if guarantee == "separation" else f"value of {guarantee}"
+    )
     return figure

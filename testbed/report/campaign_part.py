@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 MOST_FACTS = 24
 
 
-def is_campaign(folder: Path) -> bool:
-    return (folder / MANIFEST).is_file()
-
-
 def part(folder: Path, title: str) -> Part:
     """The account of a campaign, as far as it was flown."""
     import pandas as pd
@@ -30,7 +26,9 @@ def part(folder: Path, title: str) -> Part:
     manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     flown = (folder / SUMMARY).is_file() and (folder / RUNS).is_file()
     if not flown:
-        return Part(title, "a campaign", OPEN, "The campaign is not finished", ["The same command goes on with it."])
+        return Part(
+            title, "a campaign", OPEN, "The campaign is not finished", ["The same command goes on with it."]
+        )
     found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     cells = found["cells"]
     runs = pd.read_parquet(folder / RUNS)
@@ -50,7 +48,7 @@ def part(folder: Path, title: str) -> Part:
     ]
     return Part(
         title=f"campaign {manifest['name']}",
-        what=f"{len(runs)} runs in {len(cells)} cells. {manifest['campaign'].get('description', '')} Folder: {title}",
+        what=f"{len(runs)} runs in {len(cells)} cells. {manifest['campaign']['description']} Folder: {title}",
         status=LOST if lost else KEPT,
         headline=text,
         details=details,
@@ -94,7 +92,9 @@ def _row(cell: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _picture(cells: list[dict[str, Any]], runs: pd.DataFrame, guarantee: str, manifest: Mapping[str, Any]) -> Picture:
+def _picture(
+    cells: list[dict[str, Any]], runs: pd.DataFrame, guarantee: str, manifest: Mapping[str, Any]
+) -> Picture:
     from testbed.report.campaign_figures import cells as draw
 
     column = f"{guarantee.replace('-', '_')}_value"
@@ -106,8 +106,8 @@ def _picture(cells: list[dict[str, Any]], runs: pd.DataFrame, guarantee: str, ma
     least = "; ".join(f"{c['cell']}: {c['lost']} of {c['runs']} lost" for c in cells[:MOST_FACTS])
     return Picture(
         name="cells",
-        caption=f"Left the share of runs that lose {guarantee}, with its interval; right every run's value, its median"
-        " a bar, the bound dotted.",
+        caption=f"Left the share of runs that lose {guarantee}, with its interval; right every run's value,"
+        " the median a bar, the bound dotted.",
         alt=f"Cell by cell: {least}.",
         svg=svg,
         downloads=download("every run (CSV)", "runs.csv", runs),

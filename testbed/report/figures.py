@@ -67,7 +67,11 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     turn.set(xlabel="time [s]", ylabel="turn rate [deg/s]", title="Vehicle 1: turn rate (thin: commanded)")
     distance.set(xlabel="time [s]", ylabel="distance [m]", title="Smallest distance of any pair")
     flat = scenario["vehicles"] <= 2
-    path.set(xlabel="east [m]", ylabel="north [m]", title="Paths (dot: start" + ("; north stretched)" if flat else ")"))
+    path.set(
+        xlabel="east [m]",
+        ylabel="north [m]",
+        title="Paths (dot: start" + ("; north stretched)" if flat else ")"),
+    )
     path.set_aspect("auto" if flat else "equal", adjustable="datalim")
     for a in axes.flat:
         a.legend(loc="best")

@@ -21,6 +21,7 @@ NAMES = {
     "course": "course - heading",
     "rest": "rest",
 }
+DASHES = {"v": "-", "omega": (0, (5, 1)), "zeta": ":", "course": "-."}
 COLOURS = {"v": BLUE, "omega": VERMILION, "zeta": GREEN, "course": PURPLE, "rest": ORANGE, "total": BLACK}
 
 
@@ -57,7 +58,8 @@ def _over_time(a: Axes, name: str, pairs: pd.DataFrame, found: dict[str, Any]) -
     total = rows.hdot_realised_mps - rows.hdot_predicted_mps
     for channel in CHANNELS:
         part = rows[f"residual_{channel}_mps"]
-        a.plot(rows.t_s, part, color=COLOURS[channel], linewidth=1.0, label=NAMES[channel])
+        look: Any = {"color": COLOURS[channel], "linestyle": DASHES[channel]}
+        a.plot(rows.t_s, part, **look, linewidth=1.0, label=NAMES[channel])
     a.plot(
         rows.t_s, total, color=COLOURS["total"], linestyle="--", linewidth=1.0, label="realised - predicted"
     )

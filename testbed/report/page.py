@@ -6,7 +6,7 @@ import base64
 import hashlib
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
@@ -18,11 +18,11 @@ from testbed.report.blocks import SIGNS, Part, cell
 from testbed.store import MANIFEST, MARKS, load, staged
 
 PAGE_FILE = "report.html"
-SCRIPTS = ("templates/playback-model.js", "templates/playback-view.js", "templates/playback.js")
+SCRIPTS = tuple(f"templates/{name}.js" for name in ("playback-model", "playback-view", "playback"))
 
 
 def write(folders: Sequence[Path], out: Path) -> Path:
-    """The page of `folders` as the file `out`, replaced at once. Raises UserError where there is none to make."""
+    """The page of `folders` as the file `out`, replaced at once. Raises UserError where none can be made."""
     text = page([part(folder, folder.resolve().name) for folder in folders])
     partial = out.with_name(f".{out.name}.partial")
     try:
@@ -59,7 +59,7 @@ def reported(path: Path, overwrite: bool = False) -> Iterator[Path]:
 
 def part(folder: Path, name: str) -> Part:
     """The account of one folder, chosen by the mark it carries."""
-    from testbed.report import campaign_part, run_part, study_parts
+    from testbed.report import run_part
 
     if not folder.is_dir():
         raise UserError(f"{folder} is no folder; give one that a command wrote")
@@ -70,11 +70,9 @@ def part(folder: Path, name: str) -> Part:
         if (folder / MANIFEST).is_file():
             run = load(folder)
             return run_part.part({run.manifest["scenario"]["plant"]: run}, folder, name)
-        for mark, account in study_parts.PARTS.items():
+        for mark, account in _accounts().items():
             if (folder / mark).is_file():
                 return account(folder, name)
-        if campaign_part.is_campaign(folder):
-            return campaign_part.part(folder, name)
     except (KeyError, ValueError, OSError, IndexError) as error:
         raise UserError(f"{folder} is damaged: {type(error).__name__}: {error}") from None
     if (folder / "datasheet.json").is_file():
@@ -82,12 +80,29 @@ def part(folder: Path, name: str) -> Part:
     raise UserError(f"{folder} holds nothing to report on (none of {', '.join(MARKS)})")
 
 
+def _accounts() -> dict[str, Callable[[Path, str], Part]]:
+    """What a folder's mark says it is -> who accounts for it."""
+    from testbed.report import campaign_part, other_parts, study_parts
+
+    return {
+        "ladder.json": study_parts.ladder,
+        "remedies.json": study_parts.remedies,
+        "margin.json": study_parts.margin,
+        "answer.json": study_parts.answer,
+        "tune.json": other_parts.tune,
+        "figures.json": other_parts.figures,
+        "campaign.json": campaign_part.part,
+    }
+
+
 def page(parts: Sequence[Part]) -> str:
     """The page; equal parts give equal text."""
     from jinja2 import Environment, PackageLoader
     from markupsafe import Markup
 
-    environment = Environment(loader=PackageLoader("testbed.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=PackageLoader("testbed.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
     environment.filters.update(cell=cell, count=_count)
     environment.globals["signs"] = SIGNS
     playing = any(block.kind == "playback" for p in parts for s in p.sections for block in s.blocks)
@@ -96,7 +111,9 @@ def page(parts: Sequence[Part]) -> str:
     return environment.get_template("report.html").render(
         title=" and ".join(p.title for p in parts),
         parts=parts,
-        style=Markup((_read("vendor/uplot/uPlot.min.css") if playing else "") + _read("templates/report.css")),
+        style=Markup(
+            (_read("vendor/uplot/uPlot.min.css") if playing else "") + _read("templates/report.css")
+        ),
         script=Markup(script),
         # Only our own script may run, and nothing may be fetched, whatever a scenario's text says.
         policy=f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'",

@@ -29,7 +29,11 @@ CHANNELS: dict[str, tuple[str, float, float]] = {
 }
 TIME_STEP_S, H_STEP = 1e-4, 1e-3
 # Verdicts whose worst instant is worth a jump.
-MOMENTS = {"separation": "least distance", "safe-set": "least h", "barrier-condition": "least hdot + alpha(h)"}
+MOMENTS = {
+    "separation": "least distance",
+    "safe-set": "least h",
+    "barrier-condition": "least hdot + alpha(h)",
+}
 
 
 def data(runs: Mapping[str, Run]) -> dict[str, Any]:
@@ -72,7 +76,12 @@ def _plant(name: str, run: Run, most: int) -> dict[str, Any]:
         "gamma": gamma(scenario),
         "critical": separation["vehicles"] if len(separation["vehicles"]) == 2 else None,
         "moments": [
-            {"label": MOMENTS[g["id"]], "t": g["t_s"], "vehicles": g["vehicles"], "lost": g["verdict"] == "violated"}
+            {
+                "label": MOMENTS[g["id"]],
+                "t": g["t_s"],
+                "vehicles": g["vehicles"],
+                "lost": g["verdict"] == "violated",
+            }
             for g in moments
             if g["id"] in MOMENTS
         ],
@@ -98,7 +107,7 @@ def coded(values: np.ndarray, step: float) -> list[int | None]:
 
 
 def _pairs(run: Run, times: int, kept: np.ndarray) -> dict[str, Any] | None:
-    """The pair of least distance and the pair of least h at each frame, and h of pairs that were ever worst."""
+    """The pairs of least distance and of least h at each frame, and h of pairs that were ever worst."""
     table = run.pairs
     if not len(table):
         return None
@@ -133,4 +142,3 @@ def gamma(scenario: Mapping[str, Any]) -> dict[str, Any]:
         each = {f"{p.i}-{p.j}": [p.v_mps, np.radians(p.omega_degps), 0.0] for p in s.barrier.pairs}
         return {"kind": "pairs", "pairs": each}
     return {"kind": s.barrier.kind, "vehicles": catalogue.barrier(s).manoeuvre(s.vehicles).array().tolist()}
-

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
 import pandas as pd
 
 from testbed import ledger
 from testbed.record import Run
-from testbed.report import embed, figures, playback, scorecard, settings
+from testbed.report import embed, figures, ledger_figures, playback, run_tables, scorecard, settings
 from testbed.report.blocks import Block, Note, Part, Picture, Playback, Scorecard, Section, Table, download
 from testbed.report.style import drawing
 
@@ -19,13 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Runs = Mapping[str, Run]
-# Rows of a series that travel with a figure, and of paths: a page is no archive, the run folder is.
-SERIES_ROWS, PATH_ROWS = 4001, 20_000
-# Columns that travel: of vehicle 1 the first six.
-SHOWN = (
-    *(f"{c}{kind}_{u}" for c, u in (("v", "mps"), ("omega", "radps"), ("zeta", "mps")) for kind in ("", "_command")),
-    *(f"{name}_rad" for name in ("roll", "beta")),
-)
 
 
 def part(runs: Runs, folder: Path | None, title: str) -> Part:
@@ -44,7 +36,9 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
         Section(
             "Scorecard",
             [
-                Scorecard(scorecard.rows(runs), downloads=download("scorecard (CSV)", "scorecard.csv", claims)),
+                Scorecard(
+                    scorecard.rows(runs), downloads=download("scorecard (CSV)", "scorecard.csv", claims)
+                ),
             ],
         ),
         Section("Playback", [Playback(playback.data(runs))]),
@@ -75,16 +69,19 @@ def _svg(folder: Path | None, name: str, draw: Callable[[], Figure]) -> str:
 
 def _panels(runs: Runs, folder: Path | None) -> Picture:
     least = "; ".join(f"{label}: {_least(run)}" for label, run in runs.items())
-    ended = "; ".join(f"{label} {run.manifest['ended_early']}" for label, run in runs.items() if run.manifest["ended_early"])
+    ended = "; ".join(
+        f"{label} {run.manifest['ended_early']}" for label, run in runs.items() if run.manifest["ended_early"]
+    )
     return Picture(
         name="panels",
-        caption="As in the paper: speed and turn rate of vehicle 1, the smallest distance of any pair, and all paths."
+        caption="As in the paper: speed and turn rate of vehicle 1, the smallest distance of any pair, all paths."
         " Limits and Ds are dotted.",
-        alt=f"Four panels over time. Smallest distance of any pair: {least}." + (f" Ended early: {ended}." if ended else ""),
+        alt=f"Four panels over time. Smallest distance of any pair: {least}."
+        + (f" Ended early: {ended}." if ended else ""),
         svg=_svg(folder, "panels", lambda: figures.panels(runs)),
         downloads=(
-            *download("series (CSV)", "panels.csv", series(runs)),
-            *download("paths (CSV)", "paths.csv", paths(runs)),
+            *download("series (CSV)", "panels.csv", run_tables.series(runs)),
+            *download("paths (CSV)", "paths.csv", run_tables.paths(runs)),
         ),
     )
 
@@ -92,43 +89,6 @@ def _panels(runs: Runs, folder: Path | None) -> Picture:
 def _least(run: Run) -> str:
     e = run.guarantee("separation")
     return f"{e['value']:.2f} m at {e['t_s']:.2f} s" if e["value"] is not None else "none, there is no pair"
-
-
-def series(runs: Runs) -> pd.DataFrame:
-    """What the panels draw: vehicle 1 and the least distance and h, a row per plant and time, thinned."""
-    made = []
-    for label, run in runs.items():
-        rows = _one(label, run, 1, SHOWN[:6], SERIES_ROWS // len(runs))
-        if len(run.pairs):
-            least = run.pairs.groupby("t_s")[["distance_m", "h_m"]].min().add_prefix("least_")
-            rows = rows.merge(least, left_on="t_s", right_index=True)
-        made.append(rows)
-    return pd.concat(made, ignore_index=True)
-
-
-def _one(label: str, run: Run, vehicle: int, columns: Sequence[str], most: int) -> pd.DataFrame:
-    """One vehicle's columns at thinned times."""
-    rows = figures.one(run, vehicle).reset_index(drop=True)
-    rows = rows.loc[_thin(run, rows.t_s.to_numpy(), most), ["t_s", "vehicle", *columns]].round(6)
-    rows.insert(0, "plant", label)
-    return rows
-
-
-def paths(runs: Runs) -> pd.DataFrame:
-    """Where every vehicle was, thinned to PATH_ROWS in all."""
-    made = []
-    for label, run in runs.items():
-        n = run.manifest["scenario"]["vehicles"]
-        t = run.vehicles.t_s.to_numpy()[::n]
-        kept = t[_thin(run, t, PATH_ROWS // (n * len(runs)))]
-        rows = run.vehicles.loc[run.vehicles.t_s.isin(kept), ["t_s", "vehicle", "x_m", "y_m", "z_m"]].round(4)
-        rows.insert(0, "plant", label)
-        made.append(rows)
-    return pd.concat(made, ignore_index=True)
-
-
-def _thin(run: Run, t: np.ndarray, most: int) -> np.ndarray:
-    return playback.frames(t, max(2, most), [g["t_s"] for g in run.guarantees if g["t_s"] is not None])
 
 
 def _ledger(runs: Runs) -> list[Block]:
@@ -143,22 +103,66 @@ def _ledger(runs: Runs) -> list[Block]:
     if not rows:
         return []
     worst = [
-        {"plant": label, "t [s]": w["t_s"], "vehicles": " and ".join(map(str, w["vehicles"])), "h [m]": w["h_m"]}
+        {
+            "plant": label,
+            "t [s]": w["t_s"],
+            "vehicles": " and ".join(map(str, w["vehicles"])),
+            "h [m]": w["h_m"],
+        }
         | {"residual [m/s]": w["residual_mps"]}
         | {f"{c} [m/s]": w[c] for c in ledger.CHANNELS}
         for label, s in found.items()
         for w in s["worst"]
     ]
     near = next(iter(found.values()))["near_h_m"]
+    picture = _ledger_picture({label: runs[label] for label in found})
     return [
         Note(
             "Realised minus predicted hdot of recorded pairs with h below"
-            f" {near:g} m: negative is clearance lost against what the unicycle model promised. Each channel's part"
-            " is what its tracking error took."
+            f" {near:g} m: negative is clearance lost against what the unicycle model promised."
+            " Each channel's part is what its tracking error took."
         ),
-        Table(rows, "Residual by channel [m/s], quantiles", downloads=download("CSV", "ledger.csv", pd.DataFrame(rows))),
-        Table(worst, "The five worst moments of each run", downloads=download("CSV", "ledger-worst.csv", pd.DataFrame(worst))),
+        *([picture] if picture else []),
+        Table(
+            rows,
+            "Residual by channel [m/s], quantiles",
+            downloads=download("CSV", "ledger.csv", pd.DataFrame(rows)),
+        ),
+        Table(
+            worst,
+            "The five worst moments of each run",
+            downloads=download("CSV", "ledger-worst.csv", pd.DataFrame(worst)),
+        ),
     ]
+
+
+def _ledger_picture(runs: Runs) -> Picture | None:
+    with drawing():
+        figure = ledger_figures.ledger(runs)
+        if figure is None:
+            return None
+        svg = embed.markup(figure, "ledger")
+    worst = {label: ledger.summary(run, worst_moments=1)["worst"] for label, run in runs.items()}
+    rows = pd.concat(
+        ledger.near(run)[lambda d, w=w: (d.i == w[0]["vehicles"][0]) & (d.j == w[0]["vehicles"][1])].assign(
+            plant=label
+        )
+        for (label, run), w in zip(runs.items(), worst.values(), strict=True)
+        if w
+    )
+    return Picture(
+        name="ledger",
+        caption="What each channel took from hdot: over time for the pair of least residual, and in quantiles"
+        " over all pairs near.",
+        alt="Residuals by channel. "
+        + " ".join(
+            f"{label}: at worst {w[0]['residual_mps']:.3g} m/s at {w[0]['t_s']:.2f} s."
+            for label, w in worst.items()
+            if w
+        ),
+        svg=svg,
+        downloads=download("series (CSV)", "ledger-series.csv", rows),
+    )
 
 
 def _level(q: str) -> str:
@@ -169,7 +173,7 @@ def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
     flown = {label: run for label, run in runs.items() if run.manifest["scenario"]["plant"] != "unicycle"}
     if not flown:
         return []
-    rows = [row for label, run in flown.items() for row in tracking(label, run)]
+    rows = [row for label, run in flown.items() for row in run_tables.tracking(label, run)]
     blocks: list[Block] = [
         Table(
             rows,
@@ -182,7 +186,7 @@ def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
         blocks.append(
             Picture(
                 name="aircraft",
-                caption="A vehicle of the closest pair: bank and sideslip, and tracking errors on the three channels."
+                caption="A vehicle of the closest pair: bank and sideslip, tracking errors on the three channels."
                 " Dotted: the moment of least distance.",
                 alt="Five series over time. "
                 + " ".join(f"{r['plant']}: {r['channel']} error at most {r['largest']:.3g}." for r in rows),
@@ -191,35 +195,10 @@ def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
                     "series (CSV)",
                     "aircraft.csv",
                     pd.concat(
-                        _one(label, run, figures.lead(run), SHOWN, SERIES_ROWS // len(aircraft))
+                        run_tables.one_vehicle(label, run, figures.lead(run))
                         for label, run in aircraft.items()
                     ),
                 ),
             )
         )
     return blocks
-
-
-def tracking(label: str, run: Run) -> list[dict[str, Any]]:
-    """RMS and largest tracking error of each channel over all vehicles, and where the largest was."""
-    table, made = run.vehicles, []
-    for channel, unit, shown, scale in (
-        ("v", "mps", "m/s", 1.0),
-        ("omega", "radps", "deg/s", np.degrees(1.0)),
-        ("zeta", "mps", "m/s", 1.0),
-    ):
-        error = scale * (table[f"{channel}_{unit}"] - table[f"{channel}_command_{unit}"]).to_numpy()
-        k = int(np.argmax(np.abs(error)))
-        made.append(
-            {
-                "plant": label,
-                "channel": f"{channel} [{shown}]",
-                "rms": float(np.sqrt(np.mean(error**2))),
-                "median": float(np.median(np.abs(error))),
-                "largest": float(abs(error[k])),
-                "at [s]": float(table.t_s.iloc[k]),
-                "vehicle": int(table.vehicle.iloc[k]),
-            }
-        )
-    return made
-

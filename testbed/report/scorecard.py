@@ -21,7 +21,13 @@ def rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
     listed = {g["id"]: g for run in runs.values() for g in run.guarantees}
     listed = dict(sorted(listed.items(), key=lambda item: item[1]["number"].startswith("P")))
     made = [
-        {"number": g["number"], "id": name, "claim": g["claim"], "source": g["source"], "quantity": g["quantity"]}
+        {
+            "number": g["number"],
+            "id": name,
+            "claim": g["claim"],
+            "source": g["source"],
+            "quantity": g["quantity"],
+        }
         | {"lines": [_line(label, e) for label, run in runs.items() if (e := _entry(run, name)) is not None]}
         for name, g in listed.items()
     ]
@@ -55,16 +61,29 @@ def _line(label: str, e: Mapping[str, Any]) -> dict[str, Any]:
         "t_s": e["t_s"],
         "who": "–".join(map(str, e["vehicles"])) or "–",
         "pair": "-".join(map(str, e["vehicles"])) if len(e["vehicles"]) == 2 else "",
-        "why": e["why"],
-        "more": further(dict(e)),
+        "why": [*([e["why"]] if e["why"] else []), *further(dict(e))],
     }
 
 
 def csv_rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
     """The same for a file: a row per run and claim."""
-    keep = ("number", "id", "claim", "source", "verdict", "quantity", "value", "unit", "bound", "margin", "t_s")
+    keep = (
+        "number",
+        "id",
+        "claim",
+        "source",
+        "verdict",
+        "quantity",
+        "value",
+        "unit",
+        "bound",
+        "margin",
+        "t_s",
+    )
     return [
-        {"run": label} | {k: g[k] for k in keep} | {"vehicles": "-".join(map(str, g["vehicles"])), "why": g["why"]}
+        {"run": label}
+        | {k: g[k] for k in keep}
+        | {"vehicles": "-".join(map(str, g["vehicles"])), "why": g["why"]}
         for label, run in runs.items()
         for g in run.guarantees
     ]
@@ -108,7 +127,9 @@ def other_claims(label: str, run: Run) -> str:
             if g["verdict"] == verdict and g["number"].startswith("P") == premise
         ]
 
-    judged = [g for g in run.guarantees if g["verdict"] in (HOLDS, VIOLATED) and not g["number"].startswith("P")]
+    judged = [
+        g for g in run.guarantees if g["verdict"] in (HOLDS, VIOLATED) and not g["number"].startswith("P")
+    ]
     held = sum(g["verdict"] == HOLDS for g in judged)
     text = f"{label}: {held} of {len(judged)} judged claims hold"
     for said, found in (

@@ -21,7 +21,7 @@ def of_runs(runs: Mapping[str, Run]) -> list[Block]:
 
 
 def of_study(data: Mapping[str, Any]) -> list[Block]:
-    """The same from what a study's JSON file holds: its scenario, seeds and versions, as far as it has them."""
+    """The same from a study's JSON file: its scenario, seeds and versions, as far as it has them."""
     blocks: list[Block] = []
     scenario = data.get("scenario")
     if scenario:
@@ -93,4 +93,7 @@ def _made(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
         row("airframe files, SHA-256", lambda r: r.manifest["airframes"] or "none"),
         row("time it took [s]", lambda r: r.timing.get("wall_s")),
     ]
-    return rows + [row(f"version of {name}", lambda r, n=name: r.manifest["versions"].get(n)) for name in manifest["versions"]]
+    return rows + [
+        row(f"version of {name}", lambda r, n=name: r.manifest["versions"].get(n))
+        for name in manifest["versions"]
+    ]
