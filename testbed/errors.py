@@ -7,13 +7,28 @@ from collections.abc import Iterable
 
 
 class UserError(Exception):
-    """Bad input from a person: the command line prints it in one line and exits with code 2."""
+    """Bad input from a person: the command line prints it in one line and exits with code 2.
+
+    What it quotes of a file may be anything: line breaks and what a terminal obeys are shown as escapes.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in message))
+
+
+# Longer words are cut in messages, and compared no further.
+LONGEST = 80
+
+
+def short(text: str) -> str:
+    """`text`, or its beginning."""
+    return text if len(text) <= LONGEST else text[:LONGEST] + "..."
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint naming the known names closest to `name`, or all of them where none is close."""
     known = sorted(known)
-    close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    close = difflib.get_close_matches(name[:LONGEST], known, n=3, cutoff=0.5)
     if close:
         return "did you mean " + " or ".join(close) + "?"
     return "known: " + ", ".join(known)

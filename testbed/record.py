@@ -138,8 +138,10 @@ class Run:
 
         if name in self.tables:
             return pd.DataFrame(self.tables[name])
+        from testbed.store import table
+
         assert self.path is not None
-        return pd.read_parquet(self.path / f"{name}.parquet")
+        return table(self.path, name, self.manifest)
 
     @cached_property
     def vehicles(self) -> pd.DataFrame:

@@ -7,25 +7,26 @@ Squires et al. 2022, Section III.D. `load` reads a built-in scenario or a file a
 from __future__ import annotations
 
 import math
-import tomllib
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, ValidationError, model_validator
 
+from aircraft.textfile import parse_toml, read_toml
+from testbed import size
 from testbed.departures import Gusts, Lags, Network, Remedy, Sensing, Wind
-from testbed.errors import UserError, nearest
+from testbed.errors import UserError, nearest, short
 from testbed.sections import (
     Alpha,
     Barrier,
     Checks,
     Filter,
     InputSet,
+    Name,
     Navigation,
     Nominal,
-    Place,
     Positive,
     Rates,
     Section,
@@ -39,14 +40,14 @@ class Scenario(Section):
     """Everything a run depends on; equal scenarios give equal files."""
 
     schema_version: Literal[1] = SCHEMA_VERSION
-    name: Annotated[str, Field(min_length=1, max_length=100)]
-    description: str = ""
+    name: Name
+    description: Annotated[str, Field(max_length=2000)] = ""
     vehicles: Annotated[int, Field(ge=1, le=1000)]
     duration_s: Annotated[float, Field(ge=0, le=86400)] = 20.0
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1
     plant: Literal["unicycle", "lagged", "jsbsim"] = "unicycle"
-    airframes: list[str] = Field(
-        default=["x8"], min_length=1, description="names or folders, repeated in turn"
+    airframes: list[Annotated[str, Field(min_length=1, max_length=1000)]] = Field(
+        default=["x8"], min_length=1, max_length=1000, description="names or folders, repeated in turn"
     )
     d_safe_m: Positive = Field(default=5.0, description="Ds, the separation to keep")
     goal_radius_m: Positive = 20.0
@@ -100,6 +101,7 @@ class Scenario(Section):
                 f"duration_s: {self.duration_s:g} s is not a multiple of the filter period"
                 f" {self.rates.filter_dt_s:g} s; try {lower:g} or {upper:g}"
             )
+        size.check(self)
         return self
 
     @property
@@ -125,11 +127,7 @@ def load(source: str | Path, overrides: list[str] | None = None) -> Scenario:
     its last part (`radius_m=100`); the value is TOML (`[0, 1]`, `true`, `20`), or else a plain word.
     Raises UserError in one line, with the file and the field's path.
     """
-    where, text = _read(str(source))
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{where}: not valid TOML: {error}") from None
+    where, data = str(source), _read(str(source))
     for item in overrides or []:
         _apply(data, item)
     return parse(data, where)
@@ -140,53 +138,64 @@ def parse(data: dict[str, Any], where: str = "scenario") -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        raise UserError(f"{where}: " + "; ".join(_explain(e) for e in error.errors())) from None
+        raise UserError(f"{where}: {explain(error)}") from None
 
 
-def _read(source: str) -> tuple[str, str]:
+def _read(source: str) -> dict[str, Any]:
     if source in builtin():
-        return source, builtin()[source]
+        return parse_toml(builtin()[source])
     path = Path(source)
-    if path.suffix == ".toml" or path.is_file():
-        try:
-            return source, path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            raise UserError(f"scenario file {source} does not exist") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(f"scenario file {source} cannot be read: {error}") from None
-    raise UserError(f"unknown scenario {source!r}; {nearest(source, builtin())}")
+    try:
+        if path.suffix == ".toml" or path.is_file():
+            return read_toml(path)
+    except FileNotFoundError:
+        raise UserError(f"scenario file {source} does not exist") from None
+    except OSError as error:  # a name no file can have
+        raise UserError(f"scenario file {short(source)}: {error.strerror}") from None
+    except ValueError as error:
+        raise UserError(f"{source}: {error}") from None
+    raise UserError(f"unknown scenario {short(source)!r}; {nearest(source, builtin())}")
 
 
-def _explain(error: Any) -> str:
+# Of several mistakes, so many are named.
+NAMED_MISTAKES = 4
+# What pydantic adds to a path where a field may be of two types.
+_TYPES = {"float", "constrained-float", "list[float]", "list[constrained-float]", "function-after"}
+
+
+def explain(error: ValidationError, model: type[Section] | None = None) -> str:
+    """What pydantic found wrong with the data of `model` (a scenario), in one line."""
+    said = list(dict.fromkeys(_explain(e, model or Scenario) for e in error.errors()))
+    more = len(said) - NAMED_MISTAKES
+    return "; ".join(said[:NAMED_MISTAKES]) + (f"; and {more} more" if more > 0 else "")
+
+
+def _explain(error: Any, model: type[Section]) -> str:
     """One pydantic error in one line: the field's path, what is wrong, and the remedy."""
-    path = ".".join(
-        str(part) for part in error["loc"] if part not in ("float", "int", "list[constrained-float]")
-    )
+    *parents, last = [p for p in error["loc"] if p not in _TYPES] or [""]
+    path = short(".".join(map(str, [*parents, last])))
     if error["type"] == "extra_forbidden":
-        *parents, name = error["loc"]
-        return f"{path}: unknown field; {nearest(str(name), _fields_at(parents))}"
+        return f"{path}: unknown field; {nearest(str(last), _fields_at(parents, model))}"
     message = error["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
-    got = f", got {error['input']!r}" if path and not isinstance(error["input"], dict) else ""
+    got = f", got {short(repr(error['input']))}" if path and not isinstance(error["input"], dict) else ""
     return f"{path}: {message}{got}" if path else message
 
 
-def _section(model: type[Section], name: str) -> type[Section] | None:
-    annotation = model.model_fields[name].annotation if name in model.model_fields else None
-    return annotation if isinstance(annotation, type) and issubclass(annotation, Section) else None
+def _section(annotation: Any) -> type[Section] | None:
+    """The section that an annotation names, be it in a list, a table or a union."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation
+    return next((found for a in get_args(annotation) if (found := _section(a)) is not None), None)
 
 
-def _fields_at(parents: list[Any]) -> list[str]:
-    model: type[Section] | None = Scenario
+def _fields_at(parents: list[Any], model: type[Section]) -> list[str]:
+    here: type[Section] | None = model
     for part in parents:
-        model = (
-            Place
-            if part == "places"
-            else model
-            if isinstance(part, int) or model is None
-            else _section(model, part)
-        )
-    return list(model.model_fields) if model is not None else []
+        # Anything else is a place in a list or a key of a table, whose entries are all alike.
+        if here is not None and part in here.model_fields:
+            here = _section(here.model_fields[part].annotation)
+    return list(here.model_fields) if here is not None else []
 
 
 @cache
@@ -194,8 +203,8 @@ def field_paths() -> dict[str, list[tuple[str, ...]]]:
     """Every name an override may use -> the paths it can mean."""
     paths: dict[str, list[tuple[str, ...]]] = {}
     for name in Scenario.model_fields:
-        section = _section(Scenario, name)
-        if section is None:
+        section = Scenario.model_fields[name].annotation
+        if not (isinstance(section, type) and issubclass(section, Section)):
             paths.setdefault(name, []).append((name,))
             continue
         for leaf in section.model_fields:
@@ -209,17 +218,31 @@ def _apply(data: dict[str, Any], item: str) -> None:
     name = name.strip()
     if not equals:
         raise UserError(f"--set {item}: write field=value, for example --set start.radius_m=100")
+    path = field_path(name, "--set ")
+    value: Any = text.strip()
+    try:
+        read = parse_toml(f"value = {text}")
+        # A text of several lines would be several fields, and all but the first dropped.
+        value = read["value"] if len(read) == 1 else value
+    except ValueError:
+        pass
+    assign(data, path, value)
+
+
+def field_path(name: str, where: str = "") -> tuple[str, ...]:
+    """The path that a field's whole or last name means; UserError, begun by `where`, if there is none."""
     paths = field_paths().get(name)
     if paths is None:
-        raise UserError(f"--set {name}: unknown field; {nearest(name, field_paths())}")
+        raise UserError(f"{where}{short(name)}: unknown field; {nearest(name, field_paths())}")
     # A field of the scenario itself wins over one of the same name in a section.
     path = min(paths, key=len)
     if sum(len(p) == len(path) for p in paths) > 1:
-        raise UserError(f"--set {name}: could be " + " or ".join(".".join(p) for p in paths))
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()
+        raise UserError(f"{where}{name}: could be " + " or ".join(".".join(p) for p in paths))
+    return path
+
+
+def assign(data: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
+    """Set the field at `path` in a scenario's plain data."""
     target = data
     for part in path[:-1]:
         target = target.setdefault(part, {})

@@ -3,13 +3,44 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-TurnRate = Annotated[float, Field(ge=-360, le=360)]
+
+def _in_degrees(rate: float) -> float:
+    """ValueError for a turn rate that only makes sense in radians per second."""
+    if 0 < abs(rate) < 0.5:
+        raise ValueError(
+            f"{rate:g} deg/s is a circle of kilometres; if rad/s was meant, give {math.degrees(rate):.4g}"
+        )
+    return rate
+
+
+# Wide enough for anything that flies, narrow enough that no square or cube of them overflows.
+LARGEST = 1e6
+Positive = Annotated[float, Field(gt=0, le=LARGEST)]
+# Of what is divided by.
+Divisor = Annotated[float, Field(ge=1e-6, le=LARGEST)]
+NonNegative = Annotated[float, Field(ge=0, le=LARGEST)]
+Coordinate = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Speed = Annotated[float, Field(ge=0.01, le=1000)]
+SpeedRatio = Annotated[float, Field(ge=1e-3, le=1e3)]
+ClimbRate = Annotated[float, Field(ge=-1000, le=1000)]
+TurnRate = Annotated[float, Field(ge=-360, le=360), AfterValidator(_in_degrees)]
+
+
+def _folder_name(name: str) -> str:
+    """A name becomes a folder's: it may not lead out of one, hide, or mean something to a terminal."""
+    if not re.fullmatch(r"[\w+][\w+ .,=()-]*", name):
+        raise ValueError(
+            "it names a folder: letters, digits, blanks and any of _ + - . , = ( ), no other first"
+        )
+    return name
+
+
+Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_folder_name)]
 
 
 class Section(BaseModel):
@@ -32,8 +63,8 @@ class Rates(Section):
     """Periods of the flight dynamics, of the filter and of recording; the latter two are multiples."""
 
     fdm_dt_s: Annotated[float, Field(ge=1e-4, le=1)] = 0.005
-    filter_dt_s: Positive = 0.005
-    record_dt_s: Positive = 0.005
+    filter_dt_s: Annotated[float, Field(gt=0, le=10)] = 0.005
+    record_dt_s: Annotated[float, Field(gt=0, le=86400)] = 0.005
 
     @model_validator(mode="after")
     def divide(self) -> Rates:
@@ -56,10 +87,10 @@ class Rates(Section):
 class InputSet(Section):
     """The input set U: what the filter may command."""
 
-    v_min_mps: Positive = 15.0
-    v_max_mps: Positive = 25.0
-    omega_max_degps: Annotated[float, Field(ge=0, le=360)] = 13.0
-    zeta_max_mps: NonNegative = 3.9
+    v_min_mps: Speed = 15.0
+    v_max_mps: Speed = 25.0
+    omega_max_degps: Annotated[float, Field(ge=0, le=360), AfterValidator(_in_degrees)] = 13.0
+    zeta_max_mps: Annotated[float, Field(ge=0, le=1000)] = 3.9
 
     @model_validator(mode="after")
     def ordered(self) -> InputSet:
@@ -71,13 +102,13 @@ class InputSet(Section):
 class Place(Section):
     """Where one vehicle starts, and its goal."""
 
-    x_m: float
-    y_m: float
+    x_m: Coordinate
+    y_m: Coordinate
     course_deg: Annotated[float, Field(ge=-720, le=720)]
-    z_m: float = 0.0
-    goal_x_m: float
-    goal_y_m: float
-    goal_z_m: float = 0.0
+    z_m: Coordinate = 0.0
+    goal_x_m: Coordinate
+    goal_y_m: Coordinate
+    goal_z_m: Coordinate = 0.0
 
 
 class Start(Section):
@@ -86,11 +117,11 @@ class Start(Section):
     pattern: Literal["circle", "list"] = "circle"
     radius_m: Positive = 200.0
     course_offset_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    heights_m: list[float] = Field(
+    heights_m: list[Coordinate] = Field(
         default=[0.0], min_length=1, description="one for all, or one per vehicle, repeated in turn"
     )
     places: list[Place] = Field(default=[], description="for pattern = 'list': one per vehicle")
-    speed_mps: Positive = Field(
+    speed_mps: Speed = Field(
         default=20.0, description="an aircraft's first ground speed; a unicycle has none"
     )
     round_decimals: Annotated[int, Field(ge=0, le=12)] | None = Field(
@@ -116,7 +147,7 @@ class Nominal(Section):
     """The goal-seeking controller that the filter alters."""
 
     controller: Literal["near-identity", "manoeuvre"] = "near-identity"
-    lookahead_m: Positive = 1.0
+    lookahead_m: Divisor = 1.0
     gain_per_s: Positive = 0.1
     delay_steps: Annotated[int, Field(ge=0, le=1000)] = Field(
         default=0, description="filter steps by which u_hat is old; before there is one it is zero"
@@ -128,7 +159,9 @@ class Alpha(Section):
 
     kind: Literal["linear", "cubic", "odd-polynomial"] = "cubic"
     coefficient: Positive = 0.1
-    coefficients: list[NonNegative] = Field(default=[], description="of h, h^3, h^5, ... for odd-polynomial")
+    coefficients: list[NonNegative] = Field(
+        default=[], max_length=5, description="of h, h^3, h^5, ... for odd-polynomial"
+    )
 
     @model_validator(mode="after")
     def complete(self) -> Alpha:
@@ -140,9 +173,9 @@ class Alpha(Section):
 class Manoeuvre(Section):
     """A constant input: straight, a turn, a climb, or any mixture."""
 
-    v_mps: Positive
+    v_mps: Speed
     omega_degps: TurnRate = 0.0
-    zeta_mps: float = 0.0
+    zeta_mps: ClimbRate = 0.0
 
 
 class Pair(Section):
@@ -150,7 +183,7 @@ class Pair(Section):
 
     i: Annotated[int, Field(ge=1)]
     j: Annotated[int, Field(ge=2)]
-    v_mps: Positive
+    v_mps: Speed
     omega_degps: TurnRate
 
 
@@ -159,17 +192,21 @@ class Barrier(Section):
 
     kind: Literal["turn", "straight", "rollout", "euclidean"] = "turn"
     form: Literal["root", "squared"] = "root"
-    v_mps: Positive = 16.0
+    v_mps: Speed = 16.0
     omega_degps: TurnRate = Field(default=11.7, description="of the turn")
-    sigma: Positive | list[Positive] = Field(default=1.0, description="turn: speed ratio, one or per vehicle")
+    sigma: SpeedRatio | Annotated[list[SpeedRatio], Field(min_length=1)] = Field(
+        default=1.0, description="turn: speed ratio, one or per vehicle"
+    )
     delta_m2: NonNegative = Field(default=0.01, description="turn: the paper's rounding of the kink")
     smoothing_m2: NonNegative = Field(
         default=0.0, description="turn: eps of the smoothed barrier; 0 is the paper's, we recommend 30"
     )
-    speed_step: NonNegative = Field(
+    speed_step: Annotated[float, Field(ge=0, le=10)] = Field(
         default=0.01, description="straight: vehicle i (from 1) evades at v_mps (1 + speed_step i)"
     )
-    zeta_mps: float | list[float] = Field(default=0.0, description="straight: climb rate, one or per vehicle")
+    zeta_mps: ClimbRate | Annotated[list[ClimbRate], Field(min_length=1)] = Field(
+        default=0.0, description="straight: climb rate, one or per vehicle"
+    )
     manoeuvres: list[Manoeuvre] = Field(default=[], description="rollout: one for all, or one per vehicle")
     shared: bool = Field(
         default=True, description="false lets every pair have its own manoeuvre, which voids Theorem 3"

@@ -1,0 +1,81 @@
+"""How the command line ends: one line and an exit code, whoever ends it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+from testbed.errors import UserError
+
+# Ctrl-C, a polite kill, a closed terminal: all clean up the same way.
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class StoppedError(BaseException):
+    """A signal asks the program to end. Not an Exception: nobody may take it for a failure and go on."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+
+def ending(command: Callable[[], object]) -> None:
+    """Run `command` to its end and exit: 2 after a user's mistake or a full disk, 128 + n after signal n."""
+    try:
+        with _listening():
+            try:
+                command()
+            finally:
+                sys.stdout.flush()
+    except UserError as error:
+        _say(f"error: {error}")
+        _leave(2)
+    except BrokenPipeError:
+        _leave(1)  # who read our output has gone, as `head` does
+    except OSError as error:
+        _say(f"error: {UserError(str(error))}")
+        _leave(2)
+    except (StoppedError, KeyboardInterrupt) as error:
+        number = getattr(error, "number", signal.SIGINT)
+        _say(f"stopped by {signal.Signals(number).name}; nothing half-written is left")
+        _leave(128 + number)
+
+
+@contextmanager
+def _listening() -> Iterator[None]:
+    """Signals raise StoppedError, once: a second one may not interrupt the cleaning up."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        for other in SIGNALS:
+            signal.signal(other, signal.SIG_IGN)
+        raise StoppedError(number)
+
+    before = {}
+    with suppress(ValueError):  # not in the main thread, where no signal arrives either
+        for number in SIGNALS:
+            # Started with nohup, or in the background of a script: left ignored, as asked.
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _say(line: str) -> None:
+    with suppress(OSError):
+        print(line, file=sys.stderr, flush=True)
+
+
+def _leave(code: int) -> None:
+    """Exit; what cannot be flushed any more is dropped, without a traceback at the very end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(code)
