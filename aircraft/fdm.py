@@ -77,6 +77,9 @@ class Fdm:
             self.node(property_name(name)).set_double_value(value)
         self._position = tuple(n[k].get_double_value for k in ("x", "y", "z", "altitude"))
         self._motion = tuple(n[k].get_double_value for k in ("u", "v", "w", "climb", "omega"))
+        self._command = tuple(n[k].set_double_value for k in ("v_command", "omega_command", "zeta_command"))
+        self._height = n["above_ground"].get_double_value
+        self._wind: tuple[float, float, float] | None = None  # as last blown
 
     # -- loading
 
@@ -215,10 +218,10 @@ class Fdm:
         """Hand the autopilot ground speed [m/s], course rate [rad/s] and climb rate [m/s]; NaN is refused."""
         if not (math.isfinite(v) and math.isfinite(omega) and math.isfinite(zeta)):
             raise ValueError(f"command must be finite, got v {v}, omega {omega}, zeta {zeta}")
-        n = self.nodes
-        n["v_command"].set_double_value(v)
-        n["omega_command"].set_double_value(omega)
-        n["zeta_command"].set_double_value(zeta)
+        set_v, set_omega, set_zeta = self._command
+        set_v(v)
+        set_omega(omega)
+        set_zeta(zeta)
 
     def blow(self, wind: tuple[float, float, float]) -> None:
         """Set the wind [m/s, east, north, up]."""
@@ -226,6 +229,7 @@ class Fdm:
         n["wind_east"].set_double_value(wind[0] / M_PER_FT)
         n["wind_north"].set_double_value(wind[1] / M_PER_FT)
         n["wind_down"].set_double_value(-wind[2] / M_PER_FT)
+        self._wind = wind
 
     def turbulence(self, wind_at_20ft: float, severity: int, seed: int) -> None:
         """JSBSim's own gusts from now on, on top of any wind: MIL-F-8785C, of this aircraft alone.
@@ -242,18 +246,21 @@ class Fdm:
 
     def run(self, wind: tuple[float, float, float], n: int) -> list[tuple[float, ...]]:
         """Fly n periods in `wind` [m/s, east, north, up]; returns a row for `positions` after each."""
-        if not all(map(math.isfinite, wind)):
-            raise ValueError(f"wind must be finite, got {wind}")
-        self.blow(wind)
+        if wind != self._wind:
+            if not all(map(math.isfinite, wind)):
+                raise ValueError(f"wind must be finite, got {wind}")
+            self.blow(wind)
         step = self._fdm.run
         x, y, z, altitude = self._position
         rows: list[tuple[float, ...]] = []
-        for _ in range(n):
+        if self._integrator and n:
             step()
             rows.append((x(), y(), z(), altitude()))
-            if self._integrator:
-                self.nodes["velocity_integrator"].set_double_value(self._integrator)
-                self._integrator = 0.0
+            self.nodes["velocity_integrator"].set_double_value(self._integrator)
+            self._integrator = 0.0
+        for _ in range(n - len(rows)):
+            step()
+            rows.append((x(), y(), z(), altitude()))
         return rows
 
     def position(self) -> tuple[float, ...]:
@@ -262,11 +269,12 @@ class Fdm:
 
     def motion(self) -> tuple[float, ...]:
         """A row for `motions`: how the aircraft moves."""
-        return tuple(get() for get in self._motion)
+        u, v, w, climb, omega = self._motion
+        return u(), v(), w(), climb(), omega()
 
     def height_above_ground(self) -> float:
         """Metres over the terrain."""
-        return self.nodes["above_ground"].get_double_value() * M_PER_FT
+        return self._height() * M_PER_FT
 
     def telemetry(self) -> dict[str, float]:
         """The channels of `TELEMETRY` and the airframe's surfaces, SI."""
