@@ -49,7 +49,7 @@ class Finding:
             "tolerance": self.tolerance,
             "worse on": f"{c.seeds_worse}/{self.seeds}" if c.seeds_worse is not None else None,
             "p": self.p,
-            "": self.verdict,
+            "verdict": self.verdict,
         }
 
     def sentence(self) -> str:

@@ -92,7 +92,9 @@ def record(
     else:
         overrides = overrides or []
         s, kept = scenario_of(source, overrides), relative(source, where)
-    chosen = rung_fields(s, rungs or (list(old.rungs) if old else [UNICYCLE, AIRCRAFT]))
+    if rungs is None:
+        rungs = list(old.rungs) if old else [UNICYCLE, AIRCRAFT]
+    chosen = rung_fields(s, rungs)
     needed = seeds_needed(len(chosen) * len(quantities(s)))
     n = seeds if seeds is not None else old.seeds if old else max(DEFAULT_SEEDS, needed)
     m = blocks if blocks is not None else old.blocks if old else DEFAULT_BLOCKS
