@@ -104,7 +104,8 @@ def test_the_table_has_rates_costs_and_delays() -> None:
                 "infeasible": 1,
                 "overridden_share": 0.5,
                 "path_added_m": 19.0,
-                "goal_passed_s": 10.0 + (2.0 if name == "buffer" else 0.0),
+                "arrived_share": 0.5 if seed == 4 else 1.0,
+                "goal_passed_s": None if seed == 4 else 10.0 + (2.0 if name == "buffer" else 0.0),
             }
             for name in ("none", "buffer")
             for seed in (1, 2, 3, 4)
@@ -116,3 +117,5 @@ def test_the_table_has_rates_costs_and_delays() -> None:
     assert made.goal_delay_s["buffer"] == 2.0
     assert made.path_cost["none"] == pytest.approx(0.05)
     assert made.infeasible_steps["none"] == 4
+    # in one of four runs half of the vehicles were still on their way
+    assert made.arrived["none"] == 3 and made.arrived_share["none"] == 0.875

@@ -54,8 +54,8 @@ def remedies(table: pd.DataFrame, d_safe: float, folder: Path) -> list[Path]:
         axes[1].plot(table.least_distance_m, y, "x", color=VERMILION, label="least of all runs")
         axes[1].plot(table.median_distance_m, y, "o", ms=3.5, color=BLUE, label="median")
         axes[1].axvline(d_safe, **LIMIT)
-        axes[1].set(xlabel="least distance [m] (dotted: Ds)")
-        axes[1].legend(loc="lower right")
+        axes[1].set(xlabel="least distance [m] (dotted: Ds)", ylim=(-0.6, len(table) - 0.4))
+        figure.legend(loc="outside upper right", ncols=2)
         return save(figure, folder, "remedies")
 
 

@@ -43,8 +43,10 @@ def measure(job: Job) -> dict[str, Any]:
         row[f"{column.partition('_')[0]}_verdict"] = done.guarantee(name)["verdict"]
     row["overridden_share"] = done.guarantee("intervention")["value"]
     for name in ("path_added_m", "time_added_s"):
-        added = [a for a in done.guarantee("intervention")["detail"][name] if a is not None]
-        row[name] = max(added) if added else None
+        added = done.guarantee("intervention")["detail"][name]
+        row["arrived_share"] = sum(a is not None for a in added) / len(added)
+        # Of a fleet that is still on its way nobody knows what the way costs.
+        row[name] = max(added) if None not in added else None
     row["goal_m"] = done.guarantee("goal")["value"]
     row["goal_passed_s"] = done.guarantee("goal")["detail"].get("last_passed_s")
     return row

@@ -123,6 +123,7 @@ def compare_remedies(
             "d [m]": round(r.least_distance_m, 2),
             "h [m]": round(r.least_h_m, 2),
             "no QP": int(r.infeasible_steps),
+            "arrived": f"{r.arrived}/{r.n}",
             "path %": round(100 * r.path_cost, 1),
             "delay [s]": round(r.goal_delay_s, 2),
         }
