@@ -13,6 +13,7 @@ from testbed import (
     cli_aircraft,
     cli_campaign,
     cli_export,
+    cli_falsify,
     cli_ledger,
     cli_regress,
     cli_report,
@@ -162,6 +163,7 @@ app.command("export", epilog=cli_export.EXAMPLE)(cli_export.export)
 app.command(epilog=cli_ledger.EXAMPLE)(cli_ledger.ledger)
 app.add_typer(cli_regress.app, name="regress")
 app.add_typer(cli_campaign.app, name="campaign")
+app.command(epilog=cli_falsify.EXAMPLES)(cli_falsify.falsify)
 
 
 def main() -> None:

@@ -63,6 +63,7 @@ def margins(result: Falsified, unit: str, folder: Path) -> list[Path]:
                 a.plot([f.number for f in lost], [f.margin for f in lost], "x", ms=4, color=VERMILION)
                 a.plot([f.number for f in refused], [low] * len(refused), "|", ms=6, color="0.5")
             a.axhline(0.0, **LIMIT)
+            a.xaxis.set_major_locator(pyplot.MaxNLocator(integer=True))
             a.set(xlabel="flight", title=f"{title} (cross: violated, tick: refused)")
             a.legend(loc="best")
         axes[0, 0].set_ylabel(f"margin of {result.guarantee}" + (f" [{unit}]" if unit else ""))
@@ -90,7 +91,7 @@ def counterexample(run: Run, guarantee: str, folder: Path) -> list[Path]:
                 at = rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - entry["t_s"])))]
                 path.plot(at.x_m, at.y_m, "x", ms=7, mew=1.5, color=look["color"], zorder=3)
         path.set(xlabel="east [m]", ylabel="north [m]", title="Paths (dot: start, cross: worst instant)")
-        path.set_aspect("equal")
+        path.set_aspect("equal" if scenario["vehicles"] > 2 else "auto")
         if len(worst) == 2:
             pair = run.pairs[(run.pairs.i == worst[0]) & (run.pairs.j == worst[1])]
             distance.plot(pair.t_s, pair.distance_m, color=BLACK)
