@@ -4,22 +4,36 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import math
 import re
 import shutil
-import tomllib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from aircraft.properties import TELEMETRY
+from aircraft.textfile import read_toml
 
 AIRFRAMES = Path(__file__).parent / "airframes"
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=1e6)]
+Finite = Annotated[float, Field(ge=-1e9, le=1e9)]
+NAME = r"[A-Za-z0-9][\w.+-]*"
+
+
+def _plain(name: str) -> str:
+    """A name becomes a file's and a folder's, in the folder it is meant for and no other."""
+    if not re.fullmatch(NAME, name):
+        raise ValueError("use letters, digits, - and _")
+    return name
+
+
+Plain = Annotated[str, Field(max_length=100), AfterValidator(_plain)]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class Speeds(_Strict):
@@ -28,18 +42,28 @@ class Speeds(_Strict):
     v_min_mps: Positive
     v_max_mps: Positive
     start_mps: Positive
-    trim_mps: list[Positive] = Field(description="where margins, steps and datasheet are evaluated")
+    trim_mps: list[Positive] = Field(
+        min_length=1, description="where margins, steps and datasheet are evaluated"
+    )
+
+    @model_validator(mode="after")
+    def ordered(self) -> Speeds:
+        if not self.v_min_mps <= self.start_mps <= self.v_max_mps:
+            raise ValueError("v_min_mps, start_mps and v_max_mps must be in this order")
+        return self
 
 
 class Channel(_Strict):
     """One command channel as the lagged kinematic plant sees it."""
 
-    time_constant_s: Annotated[float, Field(ge=0)] = 0.0
-    delay_s: Annotated[float, Field(ge=0)] = 0.0
+    time_constant_s: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+    delay_s: Annotated[float, Field(ge=0, le=60)] = 0.0
     rate_max: Positive | None = Field(
         None, description="largest rate of change, the channel's unit per second"
     )
-    rate_min: float | None = Field(None, description="most negative rate of change; -rate_max if absent")
+    rate_min: Annotated[float, Field(ge=-1e6, lt=0)] | None = Field(
+        None, description="most negative rate of change; -rate_max if absent"
+    )
 
 
 class Identified(_Strict):
@@ -51,12 +75,26 @@ class Identified(_Strict):
     zeta: Channel
 
 
+def check_gains(gains: dict[str, dict[str, float]]) -> None:
+    """ValueError naming the gain that cannot be radians, or that is called what no property is."""
+    for section, names in gains.items():
+        for name, value in names.items():
+            if not re.fullmatch(r"[a-z0-9_]+", section + name):
+                raise ValueError(f"gains.{section}.{name}: use small letters, digits and _")
+            most = math.pi / 2 if name.endswith("_rad") else 100.0 if name.endswith("_radps") else math.inf
+            if abs(value) > most:
+                raise ValueError(
+                    f"gains.{section}.{name}: {value:g} is out of range for radians, at most {most:.4g};"
+                    f" {value:g} degrees are {math.radians(value):.4g}"
+                )
+
+
 class Airframe(_Strict):
     """`airframe.toml`. Gains are SI, section -> name -> value; section.name is property ap/section-name."""
 
-    name: str
+    name: Plain
     title: str
-    model: str = Field(description="the JSBSim model, MODEL.xml in the folder")
+    model: Plain = Field(description="the JSBSim model, MODEL.xml in the folder")
     licence: str
     speeds: Speeds
     surfaces: dict[str, str] = Field(description="telemetry name -> JSBSim property, rad")
@@ -67,6 +105,18 @@ class Airframe(_Strict):
         default={}, description="what the sources say, for `testbed aircraft check`: jxz_kgm2, mass_kg, ..."
     )
     folder: Path = Field(exclude=True)
+
+    @model_validator(mode="after")
+    def radians(self) -> Airframe:
+        """Angles and their rates in the range of radians; telemetry under names of its own."""
+        check_gains(self.gains)
+        for name in self.surfaces:
+            taken = name in TELEMETRY or name == "theta_rad"
+            if taken or not re.fullmatch(r"[a-z][a-z0-9_]*_rad", name):
+                raise ValueError(
+                    f"surfaces.{name}: call a surface something_rad, not what is recorded already"
+                )
+        return self
 
     @property
     def has_rudder(self) -> bool:
@@ -117,9 +167,9 @@ def copy(name_or_folder: str, folder: Path) -> Path:
     """
     if folder.exists():
         raise FileExistsError(f"{folder} exists; give another folder")
-    if not re.fullmatch(r"[A-Za-z0-9][\w.+-]*", folder.name) or folder.suffix == ".toml":
+    if not re.fullmatch(NAME, folder.name) or folder.suffix == ".toml":
         raise ValueError(f"{folder.name!r} cannot name an airframe; use letters, digits, - and _")
-    source = folder_of(name_or_folder)
+    source = load(name_or_folder).folder  # vetted: no link in it leads to somebody else's files
     shutil.copytree(source, folder)
     path = folder / "airframe.toml"
     text = re.sub(r"^name = .*$", f'name = "{folder.name}"', path.read_text(), count=1, flags=re.M)
@@ -131,7 +181,8 @@ def copy(name_or_folder: str, folder: Path) -> Path:
 def load(name_or_folder: str | Path) -> Airframe:
     """An airframe by name (`x8`), by the path of its folder, or of a gains file, which names its base.
 
-    Raises  FileNotFoundError naming what is missing, ValueError naming the file and the field that is wrong.
+    A folder that does not come with the package is read as a stranger's: see `aircraft.lint_safety`.
+    Raises  FileNotFoundError naming what is missing, ValueError naming the file and what is wrong with it.
     """
     folder = folder_of(name_or_folder)
     if folder.suffix == ".toml":
@@ -139,17 +190,33 @@ def load(name_or_folder: str | Path) -> Airframe:
 
         changed = read(folder)
         return changed.model_copy(update={"name": f"{changed.name}+{folder.stem}"})
+    found = said(folder)
+    if found.folder.parent != AIRFRAMES.resolve():
+        from aircraft.lint_safety import vet
+
+        vet(found)
+    return found
+
+
+def _said(error: Any) -> str:
+    return str(error["msg"]).removeprefix("Value error, ")
+
+
+def said(folder: Path) -> Airframe:
+    """What a folder's airframe.toml says, whatever else the folder holds; raises as `load` does."""
     path = folder / "airframe.toml"
-    if not path.is_file():
-        raise FileNotFoundError(
-            f"no airframe {name_or_folder}: {path} does not exist; "
-            f"there are {', '.join(names())}, or give a folder"
-        )
     try:
-        return Airframe(**tomllib.loads(path.read_text()), folder=folder.resolve())
-    except tomllib.TOMLDecodeError as e:
-        raise ValueError(f"{path}: {e}") from None
+        tables = read_toml(path)
+        if "folder" in tables:
+            raise ValueError("folder: unknown field; it is where the file is")
+        return Airframe(**tables, folder=folder.resolve())
+    except FileNotFoundError:
+        raise FileNotFoundError(
+            f"no airframe {folder}: {path} does not exist; there are {', '.join(names())}, or give a folder"
+        ) from None
     except ValidationError as e:
         first = e.errors()[0]
         where = ".".join(str(p) for p in first["loc"])
-        raise ValueError(f"{path}: {where}: {first['msg']}") from None
+        raise ValueError(f"{path}: {where}: {_said(first)}" if where else f"{path}: {_said(first)}") from None
+    except ValueError as e:
+        raise ValueError(f"{path}: {e}") from None

@@ -17,6 +17,7 @@ from aircraft import starting
 from aircraft.airframe import Airframe
 from aircraft.autopilot import property_name
 from aircraft.earth import M_PER_FT, Origin, enu_axes
+from aircraft.lint_properties import resolve
 from aircraft.properties import NODES, TELEMETRY
 from aircraft.starting import FdmError, Start, Trim
 
@@ -68,6 +69,12 @@ class Fdm:
         self.origin = origin
         self._integrator = 0.0  # the one to return to after the first period
         self._fdm = self._load(dt)
+        manager = self._fdm.get_property_manager()
+        try:
+            resolve(airframe, lambda path: manager.get_node(path) is not None)
+        except FdmError:
+            _keep_for_ever(self._fdm)
+            raise
         n = self.nodes = {name: self.node(path) for name, path in NODES.items()}
         surfaces = {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
         self._telemetry = {
@@ -166,9 +173,22 @@ class Fdm:
         angles = dict(zip(("roll_ic", "pitch_ic", "yaw_ic"), attitude, strict=True))
         for name, value in (angles | {"u_ic": u, "v_ic": v, "w_ic": w} | rates).items():
             n[name].set_double_value(float(value))
-        self._fdm.set_trim_status(True)  # actuators take their commands at once
-        self._fdm.run_ic()
+        self._run_ic()
+
+    def _run_ic(self) -> None:
+        """Initialise, actuators taking their commands at once."""
+        self._fdm.set_trim_status(True)
+        try:
+            self._fdm.run_ic()
+        except RuntimeError as error:  # a property that a function needs does not exist, say
+            raise self._broken(error) from None
         self._fdm.set_trim_status(False)
+
+    def _broken(self, error: RuntimeError) -> FdmError:
+        """What JSBSim says of a model that it cannot evaluate."""
+        _keep_for_ever(self._fdm)
+        said = " ".join(str(error).replace("\\n", " ").split())
+        return FdmError(f"{self.airframe.folder / self.airframe.model}.xml: {said}")
 
     def evaluate(self) -> None:
         """Evaluate all models without moving (suspended, dt is 0); actuators take their commands at once."""
@@ -204,9 +224,7 @@ class Fdm:
         names = ["roll_ic", "pitch_ic", "yaw_ic", "u_ic", "v_ic", "w_ic", "p_ic", "q_ic", "r_ic"]
         for name, value in zip(names, values, strict=True):
             n[name].set_double_value(float(value))
-        self._fdm.set_trim_status(True)
-        self._fdm.run_ic()
-        self._fdm.set_trim_status(False)
+        self._run_ic()
         for _ in range(3):  # forces that depend on accelerations come back one evaluation later
             self.evaluate()
         read = [n[k].get_double_value() for k in ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")]
@@ -253,14 +271,17 @@ class Fdm:
         step = self._fdm.run
         x, y, z, altitude = self._position
         rows: list[tuple[float, ...]] = []
-        if self._integrator and n:
-            step()
-            rows.append((x(), y(), z(), altitude()))
-            self.nodes["velocity_integrator"].set_double_value(self._integrator)
-            self._integrator = 0.0
-        for _ in range(n - len(rows)):
-            step()
-            rows.append((x(), y(), z(), altitude()))
+        try:
+            if self._integrator and n:
+                step()
+                rows.append((x(), y(), z(), altitude()))
+                self.nodes["velocity_integrator"].set_double_value(self._integrator)
+                self._integrator = 0.0
+            for _ in range(n - len(rows)):
+                step()
+                rows.append((x(), y(), z(), altitude()))
+        except RuntimeError as error:
+            raise self._broken(error) from None
         return rows
 
     def position(self) -> tuple[float, ...]:

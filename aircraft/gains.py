@@ -7,13 +7,13 @@ import difflib
 import json
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-from aircraft.airframe import Airframe, load
+from aircraft.airframe import Airframe, check_gains, load
 from aircraft.autopilot import EQUATIONS, Equations, parse
+from aircraft.textfile import read_toml
 
 _UNIT = r"(_(radps|per_s2?|s|mps2?|rad|m|kg))?"
 
@@ -57,15 +57,17 @@ def read(path: Path, airframe: Airframe | None = None) -> Airframe:
     airframe  the base, in place of the one the file names; the names must agree
     Raises    FileNotFoundError, or ValueError naming the file and what is wrong with it
     """
-    if not path.is_file():
-        raise FileNotFoundError(f"gains file {path} does not exist")
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        said = read_toml(path)
+    except FileNotFoundError:
+        raise FileNotFoundError(f"gains file {path} does not exist") from None
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     name, gains = said.get("base"), said.get("gains")
     if not isinstance(name, str) or not isinstance(gains, dict):
         raise ValueError(f'{path}: a gains file needs base = "NAME" and tables [gains.SECTION]')
+    if name.endswith(".toml"):  # which could be this file itself
+        raise ValueError(f"{path}: base: name an airframe, not another gains file")
     base = airframe or load(name)
     if base.name != load(name).name:
         raise ValueError(f"{path}: gains of {name}, not of {base.name}")
@@ -77,8 +79,11 @@ def read(path: Path, airframe: Airframe | None = None) -> Airframe:
             changes[f"{section}.{gain}"] = float(value)
     try:
         changed = base.with_gains(changes)
+        check_gains(changed.gains)
     except KeyError as error:
         raise ValueError(f"{path}: {error.args[0]}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     if faults := gain_faults(changed):
         raise ValueError(f"{path}: gains.{faults[0]}")
     return changed

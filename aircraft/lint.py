@@ -15,6 +15,7 @@ from typing import Any
 
 from aircraft.lint_files import Files, Finding, read_folder
 from aircraft.lint_rules import RULES
+from aircraft.lint_safety import dangers
 
 FLIGHT_LIMIT_S = 120.0
 NOT_SEEN = (
@@ -30,9 +31,11 @@ def check(folder: Path) -> list[Finding]:
     """
     if not folder.is_dir():
         raise NotADirectoryError(f"{folder} is not a folder; give the folder that holds airframe.toml")
-    files, findings = read_folder(folder)
-    if files is None or any(f.rule in ("refused", "xml", "files") for f in findings):
+    findings = list(dangers(folder))
+    if any(f.rule in ("refused", "xml", "files", "airframe.toml") for f in findings):
         return findings
+    files, _ = read_folder(folder)
+    assert files is not None  # or there were findings
     for rule in RULES:
         findings += rule(files)
     if not any(f.severity == "error" for f in findings):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from aircraft.airframe import Airframe, load
+from aircraft.airframe import Airframe, said
 from aircraft.lint_xml import Element, RefusedError, read
 
 
@@ -44,7 +44,7 @@ class Files:
 
 
 # Elements that name a file, and where it must lie.
-_PLACES = {"system": "systems", "autopilot": "systems", "engine": "engine", "thruster": "engine"}
+PLACES = {"system": "systems", "autopilot": "systems", "engine": "engine", "thruster": "engine"}
 
 
 def read_folder(folder: Path) -> tuple[Files | None, list[Finding]]:
@@ -55,7 +55,7 @@ def read_folder(folder: Path) -> tuple[Files | None, list[Finding]]:
             Finding("files", "error", toml, None, "does not exist", "copy the one of the x8 and edit it")
         ]
     try:
-        airframe = load(folder)
+        airframe = said(folder)
     except ValueError as error:
         message = str(error).removeprefix(f"{folder / toml}: ").removeprefix(f"{folder.resolve() / toml}: ")
         return None, [
@@ -86,7 +86,7 @@ def read_folder(folder: Path) -> tuple[Files | None, list[Finding]]:
             findings.append(Finding(rule, "error", name, error.line, str(error), "correct the file"))
             continue
         files.trees[name] = tree
-        for kind, place in _PLACES.items():
+        for kind, place in PLACES.items():
             for e in tree.all(kind):
                 if "file" in e.attributes:
                     stem = e.attributes["file"].removesuffix(".xml")

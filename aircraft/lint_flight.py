@@ -20,7 +20,7 @@ import numpy as np
 from aircraft.earth import Origin
 from aircraft.fdm import Fdm, FdmError, Start, Trim
 from aircraft.lint_files import Files, Finding, read_folder
-from aircraft.lint_rules import declared
+from aircraft.lint_properties import UnresolvedError
 from aircraft.lint_xml import Element
 
 _FLOWN_S = 5.0
@@ -38,15 +38,13 @@ def findings(files: Files, stage: Callable[[str], None]) -> Iterator[Finding]:
     stage("loading the model")
     try:
         fdm = Fdm(airframe, 0.005, Origin())
+    except UnresolvedError as error:
+        yield from error.findings
+        return
     except FdmError as error:
         message = " ".join(str(error).replace(f"{files.folder}/", "").split())
         line = next((int(w) for w in message.replace(":", " ").split() if w.isdigit()), None)
         yield Finding("load", "error", model, line, message, "mend what JSBSim names")
-        return
-    stage("resolving properties")
-    unknown = list(_unresolved(files, fdm))
-    yield from unknown
-    if unknown:  # JSBSim would abort
         return
     stage("evaluating forces")
     bench = _Bench(files, fdm)
@@ -58,33 +56,6 @@ def findings(files: Files, stage: Callable[[str], None]) -> Iterator[Finding]:
     if not trims:
         stage(f"flying {_FLOWN_S:g} s")
         yield from _flies(files)
-
-
-_REFERENCES = {"property", "p", "input", "independentVar"}
-_NUMBERS_OR_PROPERTIES = {"gain", "min", "max", "c1", "c2", "kp", "ki", "kd", "lag", "rate_limit"}
-
-
-def _unresolved(files: Files, fdm: Fdm) -> Iterator[Finding]:
-    """References to properties that neither JSBSim nor the files have."""
-    from difflib import get_close_matches
-
-    own = declared(files)
-    for file, tree in files.trees.items():
-        for e in tree.walk():
-            name = e.text.lstrip("-").strip()
-            listed = e.name in _REFERENCES or (e.name in _NUMBERS_OR_PROPERTIES and e.number() is None)
-            if not name or not listed or e.children or e.number() is not None or name in own:
-                continue
-            try:
-                fdm.node(name)
-            except FdmError:
-                near = get_close_matches(name, sorted(own | _used(files) - {name}), 1, 0.8)
-                remedy = f"did you mean {near[0]}?" if near else "correct the name, or make the property"
-                yield Finding("property", "error", file, e.line, f"there is no property {name}", remedy)
-
-
-def _used(files: Files) -> set[str]:
-    return {e.text for tree in files.trees.values() for e in tree.walk() if e.name in _REFERENCES}
 
 
 class _Bench:

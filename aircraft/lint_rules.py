@@ -40,7 +40,7 @@ def _words(files: Files) -> list[Finding]:
     return findings
 
 
-def _output(files: Files) -> list[Finding]:
+def output(files: Files) -> list[Finding]:
     """A model's own files and sockets; a component's <output> is something else."""
     says = {"output": "writes files wherever the program runs", "input": "opens a socket"}
     return [
@@ -190,7 +190,6 @@ def _current(files: Files) -> list[Finding]:
 RULES: tuple[Callable[[Files], list[Finding]], ...] = (
     _root,
     _words,
-    _output,
     _engine,
     _inertia,
     _pitch_trim,
