@@ -155,13 +155,16 @@ class TurnBarrier:
         return by_blocks(*chosen_pairs(state, i, j), kernel)
 
     def phasor(self, state: State) -> Array:
-        """Z of every pair i < j (P,), complex, m^2: the kink of h is where it is 0, smoothing apart."""
+        """Z of every pair i < j (..., P), complex, m^2: the kink of h is where it is 0, smoothing apart.
+
+        state  (..., N)
+        """
         i, j = all_pairs(len(state))
         heading = np.exp(1j * state.theta)
         arm = self._radius * heading
         centre = state.x + 1j * state.y + 1j * arm
-        z = -2j * np.conj(centre[i] - centre[j]) * (arm[i] - arm[j])
-        return np.asarray(z + (self.delta * (-1 - 1j)) * heading[i])
+        z = -2j * np.conj(at(centre, i) - at(centre, j)) * (at(arm, i) - at(arm, j))
+        return np.asarray(z + at((self.delta * (-1 - 1j)) * heading, i))
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,18 +30,18 @@ class Saturation:
         self._instants = 0
 
     def update(self, telemetry: dict[str, Array]) -> None:
-        """Take in one instant's channels, (N,) each."""
-        if not self._count:
+        """Take in one instant's channels, (N,) each, or those of several, (instants, N)."""
+        if not self._count or not telemetry:
             return
-        self._instants += 1
+        self._instants += len(np.atleast_2d(next(iter(telemetry.values()))))
         for name, (low, high) in self._stops.items():
             if name in telemetry:
                 slack = AT_STOP * (high - low)
                 x = telemetry[name]
-                self._count[name] += (x <= low + slack) | (x >= high - slack)
+                self._count[name] += np.atleast_2d((x <= low + slack) | (x >= high - slack)).sum(axis=0)
         for name in LIMITED:
             if name in telemetry:
-                self._count[name] += telemetry[name] > 0.5
+                self._count[name] += np.atleast_2d(telemetry[name] > 0.5).sum(axis=0)
 
     def shares(self) -> dict[str, float]:
         """Channel -> share of the recorded instants at a stop (or held back), of the worst vehicle."""

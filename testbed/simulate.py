@@ -13,31 +13,30 @@ import numpy as np
 
 from aircraft.plant import Plant
 from aircraft.replay import Replay
-from filters.alpha import OddPolynomial
-from filters.barrier import Barrier, PairValues, TurnBarrier, all_pairs
-from filters.collision import Decision, Filter
+from filters.barrier import Barrier, all_pairs
+from filters.collision import Filter
 from filters.monitor import Monitor
-from filters.qp import Status
-from filters.unicycle import Array, Command, Limits, State, View
-from testbed import catalogue, guarantees, ledger, manoeuvre
+from filters.unicycle import Array, Command, Limits, State
+from testbed import catalogue, guarantees, manoeuvre
 from testbed.approach import Approach
 from testbed.disturbance import Disturbance
 from testbed.errors import UserError
 from testbed.flyable import unflyable
 from testbed.parts import Parts
 from testbed.premises import premises
-from testbed.record import REALISED_COLUMNS, WIND_COLUMNS, Columns, MemorySink, Recorder, Run, Sink
+from testbed.record import MemorySink, Recorder, Run, Sink
 from testbed.saturation import Saturation
 from testbed.scenario import SCHEMA_VERSION, Scenario
 from testbed.start import generators, places
 from testbed.store import RunWriter, load, staged
+from testbed.stretch import Stretch
 from testbed.tally import Tally
 from testbed.undisturbed import straight_s
+from testbed.watch import Watch
 
 Progress = Callable[[float, float], None]
 # Gusts change within a long filter period: the air is asked at least so often [s].
 WIND_PERIOD_S = 0.05
-STATUS_NAMES = np.array([s.name.lower() for s in Status])
 
 
 def run(
@@ -99,10 +98,14 @@ class _Flight:
         aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in self.parts.own() else []
         approach = Approach(i.size, s.d_safe_m) if replay else None
         tally = Tally(s.vehicles, Saturation(aircraft), approach)
-        tally.positions(np.zeros(1), _position(start)[None], goal, s.goal_radius_m, i, j)
+        tally.start(_position(start), goal, s.goal_radius_m)
         recorder = Recorder(self.sink)
+        stretch = Stretch(s.vehicles, s.rates.fdm_steps)
+        periods = s.rates.filter_dt_s, s.rates.fdm_dt_s
+        alpha, windy = catalogue.alpha(s), disturbance.windy
+        watch = Watch(stretch, tally, recorder, barrier, alpha, limits, *periods, windy)
         filter_ = self.parts.filter(s, barrier, goal)
-        end = self._loop(plant, disturbance, filter_, barrier, limits, goal, tally, recorder)
+        end = self._loop(plant, disturbance, filter_, barrier, limits, goal, watch)
         recorder.close()
         straight = np.linalg.norm(goal - _position(start), axis=-1)
         nominal = self.parts.nominal(s, goal, barrier)
@@ -135,19 +138,14 @@ class _Flight:
         barrier: Barrier,
         limits: Limits,
         goal: Array,
-        tally: Tally,
-        recorder: Recorder,
+        watch: Watch,
     ) -> str | None:
         """Fly to the end; returns why it ended early, or None."""
-        s = self.scenario
-        i, j = all_pairs(s.vehicles)
-        nominal, alpha = self.parts.nominal(s, goal, barrier), catalogue.alpha(s)
+        s, stretch = self.scenario, watch.stretch
+        nominal = self.parts.nominal(s, goal, barrier)
         waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
         steps, dt, n = s.filter_steps, s.rates.filter_dt_s, s.rates.fdm_steps
-        offsets = s.rates.fdm_dt_s * np.arange(1, n + 1)
-        before: _Before | None = None
-        open_row: Columns | None = None  # of `pairs`, waiting for what the motion makes of it
-        end: str | None = None
+        recorded, end = False, None
         for step in range(steps + 1):
             t = step * dt
             truth, rates = plant.state(), plant.achieved()
@@ -155,29 +153,14 @@ class _Flight:
             waiting.append(nominal(t, view.own().state))
             wanted = waiting.popleft()
             decision = filter_(view, wanted, limits)
-            true = _true_pairs(decision, filter_, barrier, view, truth)
-            tally.decided(t, dt, decision, wanted, rates, limits)
-            tally.failed(t, decision, bool(np.all(true.h >= 0.0)))
-            recording = step % s.rates.record_steps == 0
-            telemetry = plant.telemetry() if recording or open_row is not None else {}
-            if i.size:
-                lie, alpha_h = true.lie(truth), alpha(true.h)
-                tally.barrier(t, true, lie, alpha_h, limits)
-                if isinstance(barrier, TurnBarrier):
-                    tally.phasor(t, barrier.phasor(truth))
-                if decision.pairs is not None:
-                    tally.rows.update(t, _solved_rows(decision, alpha))
-                if before is not None:
-                    realised = (true.h - before.h) / dt
-                    tally.condition.update(t - dt, realised + before.alpha)
-                    if open_row is not None:
-                        recorder.add("pairs", open_row | before.close(realised, rates, telemetry, dt))
-                before = _Before(true, lie, alpha_h, decision.command, rates, telemetry)
-                open_row = _pair_rows(t, truth, decision, true, lie) if recording else None
-            if recording:
-                tally.saturation.update(telemetry)
-                further = telemetry | (_wind_columns(air) if disturbance.windy else {})
-                recorder.add("vehicles", _vehicle_rows(t, truth, rates, wanted, decision, further))
+            # The step before, if recorded, needs to know what came of it.
+            recorded, told = step % s.rates.record_steps == 0, recorded
+            telemetry = plant.telemetry() if recorded or told else {}
+            # The filter's own barrier values are the true ones only without disturbances and remedies.
+            true = view.state is truth and getattr(filter_, "barrier", None) is barrier
+            if stretch.full:
+                watch.look()
+            stretch.add(t, truth, rates, air, wanted, decision, true, recorded, telemetry)
             if self.progress is not None:
                 self.progress(t, s.duration_s)
             if step == steps:
@@ -187,46 +170,9 @@ class _Flight:
             if fault is not None:
                 end = f"{fault} by {t + dt:.3f} s, the run ended there"
                 break
-            tally.positions(t + offsets, track, goal, s.goal_radius_m, i, j)
-        if open_row is not None:
-            unknown = np.full(i.size, np.nan)
-            recorder.add("pairs", open_row | dict.fromkeys(REALISED_COLUMNS, unknown))
+            stretch.move(track)
+        watch.close()
         return end
-
-
-@dataclass(frozen=True)
-class _Before:
-    """What held at the last filter step, kept until the motion that followed is known."""
-
-    pairs: PairValues
-    lie: tuple[Array, Array]
-    alpha: Array
-    command: Command
-    rates: Command
-    telemetry: dict[str, Array]
-
-    @property
-    def h(self) -> Array:
-        return self.pairs.h
-
-    def close(self, realised: Array, rates: Command, telemetry: dict[str, Array], dt: float) -> Columns:
-        """The columns of `pairs` that only the motion since could tell."""
-        drift = np.zeros(len(self.rates))
-        if "heading_rad" in telemetry and "heading_rad" in self.telemetry:
-            turned = telemetry["heading_rad"] - self.telemetry["heading_rad"]
-            heading_rate = (np.remainder(turned + np.pi, 2 * np.pi) - np.pi) / dt
-            drift = 0.5 * (self.rates.omega + rates.omega) - heading_rate
-        p = self.pairs
-        parts = ledger.residuals(self.lie, p.i, p.j, self.command, self.rates, rates, drift)
-        return {"hdot_realised_mps": realised} | parts
-
-
-def _solved_rows(decision: Decision, alpha: OddPolynomial) -> Array:
-    """L_g h u + alpha(h) of the filter's own rows (P,); inf where one of the QPs was not solved."""
-    p = decision.pairs
-    assert p is not None
-    solved = decision.status == Status.SOLVED
-    return np.where(solved[p.i] & solved[p.j], decision.hdot_predicted + alpha(p.h), np.inf)
 
 
 def _advance(plant: Plant, disturbance: Disturbance, command: Command, t: float, air: Array, n: int) -> Array:
@@ -237,10 +183,6 @@ def _advance(plant: Plant, disturbance: Disturbance, command: Command, t: float,
         air = disturbance.wind(t + k * plant.dt, plant.state())
         track.append(plant.step(command, air, min(most, n - k)))
     return np.concatenate(track)
-
-
-def _wind_columns(air: Array) -> Columns:
-    return dict(zip(WIND_COLUMNS, air.T.copy(), strict=True))
 
 
 def _position(state: State) -> Array:
@@ -268,46 +210,6 @@ def _check_start(
             f" {distance[p]:.1f} m apart; --force flies it all the same"
         )
     return False
-
-
-def _true_pairs(
-    decision: Decision, filter_: Filter, barrier: Barrier, view: View, truth: State
-) -> PairValues:
-    """The unmodified barrier at the true state; the filter's own values where they are just that."""
-    same = view.state is truth and getattr(filter_, "barrier", None) is barrier
-    if decision.pairs is not None and same:
-        return decision.pairs
-    return barrier.values(truth)
-
-
-def _vehicle_rows(
-    t: float, truth: State, rates: Command, wanted: Command, decision: Decision, further: Columns
-) -> Columns:
-    n = len(truth)
-    columns = {"t_s": np.full(n, t), "vehicle": np.arange(1, n + 1, dtype=np.int32)}
-    columns |= {"x_m": truth.x, "y_m": truth.y, "z_m": truth.z, "theta_rad": truth.theta}
-    for suffix, c in (("", rates), ("_nominal", wanted), ("_command", decision.command)):
-        columns |= {f"v{suffix}_mps": c.v, f"omega{suffix}_radps": c.omega, f"zeta{suffix}_mps": c.zeta}
-    columns |= {"override": decision.override, "qp_status": STATUS_NAMES[decision.status]}
-    return columns | further
-
-
-def _pair_rows(
-    t: float, truth: State, decision: Decision, true: PairValues, lie: tuple[Array, Array]
-) -> dict[str, np.ndarray]:
-    position = _position(truth)
-    u = decision.command.array()
-    predicted = np.sum(lie[0] * u[true.i], axis=-1) + np.sum(lie[1] * u[true.j], axis=-1)
-    size = true.h.size
-    return {
-        "t_s": np.full(size, t),
-        "i": (true.i + 1).astype(np.int32),
-        "j": (true.j + 1).astype(np.int32),
-        "distance_m": np.linalg.norm(position[true.i] - position[true.j], axis=-1),
-        "h_m": true.h,
-        "h_filter_m": decision.pairs.h if decision.pairs is not None else np.full(size, np.nan),
-        "hdot_predicted_mps": predicted,
-    }
 
 
 def _manifest(s: Scenario, tally: Tally, end: str | None) -> dict[str, Any]:

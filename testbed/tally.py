@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from filters.barrier import PairValues
-from filters.collision import Decision
+from filters.barrier import all_pairs
 from filters.qp import Status
-from filters.unicycle import Array, Command, Limits
+from filters.unicycle import Array, Limits
 from testbed.approach import Approach
 from testbed.saturation import Saturation
 
@@ -114,86 +114,122 @@ class Tally:
         """Whether decisions were seen, and no QP stood behind any of them."""
         return self.filter_steps > 0 and not self.solves
 
-    def positions(self, t: Array, track: Array, goal: Array, goal_radius: float, i: Array, j: Array) -> None:
-        """Take in positions `track` (n, N, 3) at times `t` (n,), for the pairs `i`, `j`."""
+    def start(self, position: Array, goal: Array, goal_radius: float) -> None:
+        """Begin at `position` (N, 3) m, bound for within `goal_radius` of `goal` (N, 3)."""
+        self._goal, self._goal_radius = goal, goal_radius
+        self._i, self._j = all_pairs(self.vehicles)
+        self._last = None
+        self.positions(np.zeros(1), position[None], 1)
+
+    def positions(self, t: Array, track: Array, periods: int) -> None:
+        """Take in positions `track` (n, N, 3) at times `t` (n,); a path is counted by `periods` of them."""
         whole = track if self._last is None else np.concatenate([self._last[None], track])
-        if i.size:
-            offset = whole[:, i] - whole[:, j]
-            first = len(whole) - len(track)
-            self.separation.update(t, np.sqrt(np.sum(offset[first:] ** 2, axis=-1)))
+        if self._i.size:
+            # Entries first: numpy sums over a last axis of 3 slowly.
+            places = np.ascontiguousarray(whole.transpose(2, 0, 1))
+            offset = places.take(self._i, axis=-1) - places.take(self._j, axis=-1)
+            self.separation.update(t, np.sqrt(_square(offset[:, len(whole) - len(track) :])))
             if len(whole) > 1:
                 self.between.update(t[-(len(whole) - 1) :], _closest(offset))
-        distance = np.sqrt(np.sum((track - goal) ** 2, axis=-1))
+        distance = np.sqrt(_square((track - self._goal).transpose(2, 0, 1)))
         self.goal.update(t, distance)
+        inside = distance <= self._goal_radius
         flying = np.isnan(self.passed)
         if len(whole) > 1:
-            flown = np.sqrt(np.sum(np.diff(whole, axis=0) ** 2, axis=-1)).sum(axis=0)
-            self.path += np.where(flying, flown, 0.0)
-        inside = distance <= goal_radius
+            # The period in which the vehicle arrives still counts, those after it do not.
+            flown = np.sqrt(_square(np.diff(whole, axis=0).transpose(2, 0, 1)))
+            by_period = flown.reshape(-1, periods, self.vehicles).sum(axis=1)
+            arrives = inside.reshape(-1, periods, self.vehicles).any(axis=1)
+            by_period[1:][np.logical_or.accumulate(arrives)[:-1]] = 0.0
+            self.path += np.where(flying, by_period.sum(axis=0), 0.0)
         arrived = inside.any(axis=0) & flying
         self.passed = np.where(arrived, t[np.argmax(inside, axis=0)], self.passed)
-        self._last = track[-1]
+        self._last = track[-1].copy()
 
     def decided(
-        self, t: float, dt: float, decision: Decision, wanted: Command, rates: Command, limits: Limits
+        self,
+        t: Array,
+        dt: float,
+        command: Array,
+        wanted: Array,
+        rates: Array,
+        override: Array,
+        limits: Limits,
     ) -> None:
-        """Take in what the filter chose at `t`, the nominal input, and the rates achieved until then."""
-        self.filter_steps += 1
-        self.solves = self.solves or bool(np.any(decision.status != Status.NONE))
-        c, low, high = decision.command.array(), limits.lower.array(), limits.upper.array()
+        """Take in what was commanded at `t` (S,), what was wanted, and the rates achieved until then.
+
+        command, wanted, rates  (S, N, 3); override  (S, N)
+        """
+        self.filter_steps += len(t)
+        low, high = limits.corners
         span = np.where(high > low, high - low, 1.0)
-        self.command_margin.update(t, (np.minimum(c - low, high - c) / span).min(axis=-1))
-        self.altered += np.abs(c - np.clip(wanted.array(), low, high)) * dt
-        achieved = rates.array()
-        self.lowest, self.highest = np.minimum(self.lowest, achieved), np.maximum(self.highest, achieved)
-        self.override_steps += decision.override
-        self.worst_residual = max(self.worst_residual, float(decision.residual.max(initial=0.0)))
+        self.command_margin.update(t, (np.minimum(command - low, high - command) / span).min(axis=-1))
+        clipped = np.minimum(np.maximum(wanted, low), high)
+        self.altered += (np.abs(command - clipped) * dt).sum(axis=0)
+        self.lowest = np.minimum(self.lowest, rates.min(axis=0))
+        self.highest = np.maximum(self.highest, rates.max(axis=0))
+        self.override_steps += override.sum(axis=0)
 
-    def failed(self, t: float, decision: Decision, inside: bool) -> None:
-        """Count vehicles whose QP had no solution; `inside` if every pair was in the safe set."""
-        bad = (decision.status == Status.INFEASIBLE) | (decision.status == Status.ITERATION_LIMIT)
-        if not bad.any():
-            return
-        for vehicle in np.flatnonzero(bad):
-            name = Status(int(decision.status[vehicle])).name.lower()
+    def solved(self, t: Array, status: NDArray[np.int_], residual: Array, inside: NDArray[np.bool_]) -> None:
+        """Take in how the QPs at `t` (S,) ended, and count vehicles whose QP had no solution.
+
+        status, residual  (S, N); inside  (S,) whether every pair was in the safe set
+        """
+        self.solves = self.solves or bool(np.any(status != Status.NONE))
+        self.worst_residual = max(self.worst_residual, float(residual.max(initial=0.0)))
+        bad = (status == Status.INFEASIBLE) | (status == Status.ITERATION_LIMIT)
+        for step, vehicle in np.argwhere(bad).tolist():
+            name = Status(int(status[step, vehicle])).name.lower()
             self.qp_failures[name] = self.qp_failures.get(name, 0) + 1
-            self.failures_inside += inside
+            self.failures_inside += bool(inside[step])
             if self.first_failure is None:
-                self.first_failure = (t, int(vehicle), name)
+                self.first_failure = (float(t[step]), vehicle, name)
 
-    def barrier(
-        self, t: float, true: PairValues, lie: tuple[Array, Array], alpha: Array, limits: Limits
-    ) -> None:
-        """Take in the unmodified barrier at the true state: h, L_g h (P, 3) each, alpha(h) (P,)."""
-        self.h.update(t, true.h)
+    def barrier(self, t: Array, h: Array, lie: Array, alpha: Array, limits: Limits) -> None:
+        """Take in the unmodified barrier at the true states at `t` (S,): h and alpha(h), (S, P).
+
+        lie  L_g h by vehicle i or j, and by v, omega and zeta, (2, 3, S, P)
+        """
+        self.h.update(t, h)
         if self.approach is not None:
-            self.approach.update(t, true.h)
-        low, high = limits.lower.array(), limits.upper.array()
+            for at, now in zip(t.tolist(), h, strict=True):
+                self.approach.update(at, now.copy())
         best, least = alpha.copy(), alpha.copy()
-        for side, vehicle in zip(lie, (true.i, true.j), strict=True):
-            a, b = side * low[vehicle], side * high[vehicle]
-            best += np.maximum(a, b).sum(axis=-1)
-            least += np.minimum(a, b).sum(axis=-1)
+        for side, vehicle in zip(lie, (self._i, self._j), strict=True):
+            low, high = (corner[vehicle].T[:, None] for corner in limits.corners)
+            a, b = side * low, side * high
+            best += np.maximum(a, b).sum(axis=0)
+            least += np.minimum(a, b).sum(axis=0)
         # sup over U of hdot + alpha(h), eq. (3), for pairs in their safe set
-        self.admissible.update(t, np.where(true.h >= 0.0, best, np.inf))
+        self.admissible.update(t, np.where(h >= 0.0, best, np.inf))
         self._binding = least < 0.0
-        edge = np.abs(true.h) <= BOUNDARY_M
+        edge = np.abs(h) <= BOUNDARY_M
         if edge.any():
-            size = np.sqrt((lie[0] ** 2).sum(axis=-1) + (lie[1] ** 2).sum(axis=-1))
-            self.gradient.update(t, np.where(edge, size, np.inf))
+            self.gradient.update(t, np.where(edge, np.sqrt(_square(lie[0]) + _square(lie[1])), np.inf))
 
-    def phasor(self, t: float, z: Array) -> None:
-        """Take in the turn barrier's phasor Z (P,) complex [m^2]; call after `barrier`."""
-        if self._amplitude is not None and self._binding.any():
-            moved = np.abs(z - self._amplitude)
-            self.kink.update(t, np.where(self._binding, np.abs(z) / np.maximum(moved, 1e-12), np.inf))
-        self._amplitude = z
+    def phasor(self, t: Array, z: Array) -> None:
+        """Take in the turn barrier's phasor Z (S, P) complex [m^2]; call after `barrier`."""
+        before = z[:1] if self._amplitude is None else self._amplitude[None]
+        moved = np.abs(z - np.concatenate([before, z[:-1]]))
+        binding = self._binding
+        if self._amplitude is None:
+            binding[0] = False
+        if binding.any():
+            self.kink.update(t, np.where(binding, np.abs(z) / np.maximum(moved, 1e-12), np.inf))
+        self._amplitude = z[-1]
+
+
+def _square(v: Array) -> Array:
+    """The squared length (...) of vectors (3, ...)."""
+    x, y, z = v * v
+    return np.asarray(x + y + z)
 
 
 def _closest(offset: Array) -> Array:
-    """Least distance (n - 1, P) between straight paths whose offsets at n instants are `offset` (n, P, 3)."""
-    a, move = offset[:-1], np.diff(offset, axis=0)
-    length = (move**2).sum(axis=-1)
-    share = -(a * move).sum(axis=-1) / np.where(length > 0.0, length, 1.0)
-    nearest = a + np.clip(share, 0.0, 1.0)[..., None] * move
-    return np.asarray(np.sqrt((nearest**2).sum(axis=-1)))
+    """Least distance (n - 1, P) between straight paths whose offsets at n instants are `offset` (3, n, P)."""
+    a, move = offset[:, :-1], np.diff(offset, axis=1)
+    length = _square(move)
+    along = a * move
+    share = -(along[0] + along[1] + along[2]) / np.where(length > 0.0, length, 1.0)
+    nearest = a + np.minimum(np.maximum(share, 0.0), 1.0) * move
+    return np.sqrt(_square(nearest))

@@ -135,7 +135,6 @@ def test_separation_is_tracked_between_filter_steps() -> None:
 def test_state_is_never_nan_in_tally() -> None:
     tally = Tally(2)
     state = State([0.0, 3.0], [0.0, 4.0], 0.0, 0.0)
-    track = np.stack([state.x, state.y, state.z], axis=-1)[None]
-    tally.positions(np.zeros(1), track, np.zeros((2, 3)), 4.0, *np.triu_indices(2, 1))
+    tally.start(np.stack([state.x, state.y, state.z], axis=-1), np.zeros((2, 3)), 4.0)
     assert tally.separation.worst() == (0, 5.0, 0.0)
     assert tally.passed.tolist()[0] == 0.0 and np.isnan(tally.passed[1])

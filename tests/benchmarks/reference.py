@@ -103,7 +103,8 @@ def _leaves(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
         for k, inner in enumerate(value):
             yield from _leaves(f"{path}.{k}", inner)
     elif value is not None:
-        yield path, np.asarray(value)
+        found = np.asarray(value)
+        yield path, found.astype(str) if found.dtype == object else found
 
 
 def difference(before: np.ndarray, after: np.ndarray) -> float:
