@@ -10,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from math import ceil, log
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from testbed.errors import UserError, nearest
 from testbed.scenario import Scenario
 from testbed.statistics import rate, zero_event_bound
 from testbed.studies.flying import fly_all
 from testbed.studies.measure import Fields, Job, measure, override
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CONFIDENCE = 0.95
 BISECTIONS = 4
@@ -176,3 +179,19 @@ def _median(values: list[float | None]) -> float | None:
 
     known = [v for v in values if v is not None]
     return float(np.median(known)) if known else None
+
+
+def markdown(curve: pd.DataFrame) -> str:
+    """A curve as Markdown, as the guide shows it: the sweep and what was certified."""
+    lines = [
+        "| setting | stage | lost | 95 % interval | least d [m] | path added [m] | time added [s] |",
+        "|" + 7 * "---|",
+    ]
+    lines += [
+        f"| {p.setting:g} | {p.stage} | {p.violations} of {p.runs}"
+        f" | {100 * p.rate_low:.1f} to {100 * p.rate_high:.1f} % | {p.least_distance_m:.2f}"
+        f" | {p.path_added_m:.2f} | {p.time_added_s:.2f} |"
+        for p in curve.sort_values("setting", kind="stable").itertuples()
+        if p.stage != "bisect"
+    ]
+    return "\n".join(lines) + "\n"

@@ -118,3 +118,24 @@ def table(rows: pd.DataFrame, straight_m: float) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(made)
+
+
+def markdown(made: pd.DataFrame) -> str:
+    """A table of remedies as Markdown, as the guide shows it; distances in metres."""
+
+    def known(value: float, form: str) -> str:
+        return "" if np.isnan(value) else format(value, form)
+
+    lines = [
+        "| remedy | lost | 95 % interval | least d | median d | least h | no solution | overridden"
+        " | fleets arrived | path | delay [s] |",
+        "|" + 11 * "---|",
+    ]
+    lines += [
+        f"| {r.remedy} | {r.violations} of {r.n} | {100 * r.rate_low:.1f} to {100 * r.rate_high:.1f} %"
+        f" | {r.least_distance_m:.2f} | {r.median_distance_m:.2f} | {r.least_h_m:.2f}"
+        f" | {r.infeasible_steps:.0f} | {r.overridden_share:.0%} | {r.arrived} of {r.n}"
+        f" | {known(r.path_cost, '+.1%')} | {known(r.goal_delay_s, '+.2f')} |"
+        for r in made.itertuples()
+    ]
+    return "\n".join(lines) + "\n"
