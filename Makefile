@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUNS ?= runs
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint guide clean
 
 # Some systems' venv comes without ensurepip; pip itself then fills the environment.
 # Installed editable into the project's own environment, so that `filters`, `aircraft` and `testbed`
@@ -25,6 +25,12 @@ test: $(VENV)/.installed
 lint: $(VENV)/.installed
 	$(BIN)/ruff check filters aircraft testbed tests
 	$(BIN)/mypy
+
+# The pages and pictures of the guide that are generated.
+guide: $(VENV)/.installed
+	$(BIN)/testbed schema --markdown > docs/guide/scenarios.md
+	$(BIN)/python -m testbed.api_page > docs/guide/api.md
+	$(BIN)/python -m testbed.studies.idea docs/guide/figures
 
 clean:
 	rm -rf $(VENV) $(RUNS) build *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache

@@ -1,16 +1,26 @@
-"""What the README and the guide say is what the committed tables hold, and what is linked exists."""
+"""What the README and the guide say is so.
+
+Commands and examples run, tables are the committed ones, links lead somewhere, generated pages are current.
+How the blocks of a page are run, and cheaply, says tests/guide_pages.py.
+"""
 
 from __future__ import annotations
 
 import re
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
+from testbed import api_page, scenario_page
 from testbed.studies.answer import markdown
 
 ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(Path(__file__).parent))
+from guide_pages import Reader, blocks, commands, known  # noqa: E402
+
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
@@ -43,6 +53,57 @@ def test_commands_named_exist(page: Path) -> None:
         for word in words:
             if word.startswith("--"):
                 assert word.partition("=")[0] in known | {"--help"}, f"testbed {name} {word}"
+
+
+GUIDE = [ROOT / "README.md", *sorted((ROOT / "docs/guide").glob("*.md"))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [p for p in GUIDE if any(blocks(p))], ids=lambda p: p.name)
+def test_every_command_and_example_of_a_page_runs(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: Callable[..., int]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    # Examples set warnings and paths of their own; what a page runs is not measured.
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
+    Reader(page, call, monkeypatch).read()
+
+
+def test_a_reader_meets_what_a_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: Callable[..., int]
+) -> None:
+    """The reader itself: files, options added where known, output compared, mistakes noticed."""
+    monkeypatch.chdir(tmp_path)
+    page = tmp_path / "page.md"
+    good = (
+        "<!-- file: s.toml -->\n```toml\nname = 's'\nvehicles = 1\n```\n\n"
+        "<!-- test: --set duration_s=0.05 -->\n```sh\n# why\ntestbed run s.toml \\\n  --out r\n```\n"
+        "<!-- output -->\n```text\nrun folder:  r\n```\n\n    testbed export r --format csv\n\nand\n"
+        "```python\nassert 1 + 1 == 2\n```\n"
+    )
+    page.write_text(good)
+    assert [commands(b) for b in blocks(page)][1] == ["testbed run s.toml --out r"]
+    assert known(["run", "x"], ["--seeds", "1", "--set", "a=1"]) == ["--set", "a=1"]
+    assert Reader(page, call, monkeypatch).read() == 3
+    assert (tmp_path / "r-csv" / "vehicles.csv").is_file()
+    for bad in ("```sh\ntestbed run nowhere\n```\n", "```python\nassert False\n```\n", "```sh\nrm x\n```\n"):
+        (tmp_path / "docs").unlink()
+        page.write_text(bad)
+        with pytest.raises(AssertionError):
+            Reader(page, call, monkeypatch).read()
+
+
+def test_generated_pages_are_up_to_date() -> None:
+    remake = "testbed schema --markdown > docs/guide/scenarios.md"
+    assert (ROOT / "docs/guide/scenarios.md").read_text("utf-8") == scenario_page.markdown(), remake
+    remake = "python -m testbed.api_page > docs/guide/api.md"
+    assert (ROOT / "docs/guide/api.md").read_text("utf-8") == api_page.markdown(), remake
+
+
+def test_the_index_names_every_page() -> None:
+    index = (ROOT / "docs/guide/README.md").read_text("utf-8")
+    for page in (ROOT / "docs/guide").glob("*.md"):
+        assert page.name == "README.md" or f"]({page.name})" in index, page.name
 
 
 def test_nothing_is_left_to_fill_in() -> None:

@@ -111,10 +111,11 @@ def draw_mismatch(
 
 
 def main(folder: Path) -> None:
-    """Write the pictures, and print the numbers that the page quotes."""
-    draw_h(folder)
+    """Write the pictures, as PNG alone, and print the numbers that the page quotes."""
     flown = flights()
-    draw_mismatch(flown, folder)
+    for file in draw_h(folder) + draw_mismatch(flown, folder):
+        if file.suffix != ".png":
+            file.unlink()
     for name, found in flown.items():
         separation, safe = found.guarantee("separation"), found.guarantee("safe-set")
         print(f"{name}: least distance {separation['value']:.2f} m, least h {safe['value']:.2f} m")

@@ -30,7 +30,7 @@ if __name__ == "__main__":
         change(folder / "airframe.toml", rf"^{gain} = [-\d.]+", f"{gain} = {value:.6g}")
     autopilot.main(folder)  # systems/autopilot.xml has the gains in it
 
-    settings = ["plant=jsbsim", "lookahead_m=10", "filter_dt_s=0.05", "record_dt_s=0.05"]
+    settings = ["plant=jsbsim", "lookahead_m=10", "filter_dt_s=0.05", "record_dt_s=0.05", "duration_s=10"]
     for name in ("x8", str(folder)):
         scenario = testbed.load_scenario("paper-2-turn", [*settings, f"airframes=['{name}']"])
         separation = testbed.run(scenario).guarantee("separation")

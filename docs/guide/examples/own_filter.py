@@ -6,7 +6,8 @@ python docs/guide/examples/own_filter.py
 import numpy as np
 
 import testbed
-from filters.collision import Problem, decision, input_set
+from filters.collision import Decision
+from filters.unicycle import Command
 
 NEAR_M = 60.0
 
@@ -22,11 +23,18 @@ class TurnAway:
         place = np.stack([seen.x, seen.y, seen.z], axis=-1)
         distance = np.linalg.norm(place[:, None] - place, axis=-1) + np.diag(np.full(len(place), np.inf))
         near = distance.min(axis=1) < NEAR_M
-        problem = Problem(*input_set(view, nominal, limits))
-        command = problem.clipped()
-        command[near] = self.gamma[near]
-        nothing = np.zeros(len(place))  # status NONE and no residual: there is no QP
-        return decision(problem, command, nothing.astype(int), nothing, None, np.zeros(0))
+        wanted = np.clip(nominal.array(), limits.lower.array(), limits.upper.array())
+        command = np.where(near[:, None], self.gamma, wanted)
+        changed = np.abs(command - wanted).max(axis=1)
+        return Decision(
+            command=Command.of(command),
+            status=np.zeros(len(place), dtype=int),  # NONE: there is no QP,
+            residual=np.zeros(len(place)),  # so nothing is left over of it,
+            override=changed > 1e-6,
+            deviation=changed,
+            pairs=None,  # and no h.
+            hdot_predicted=np.zeros(0),
+        )
 
 
 if __name__ == "__main__":
