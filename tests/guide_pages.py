@@ -126,7 +126,7 @@ class Reader:
 
     def _run(self, line: str, block: Block) -> None:
         where = f"{self.page.name}:{block.line}: {line}"
-        words = shlex.split(line)
+        words = shlex.split(line.removeprefix(".venv/bin/"))
         asked = re.match(r"exit (\d)", block.test)
         wanted = int(asked[1]) if asked else 0
         if words[0] == "make":
