@@ -37,6 +37,7 @@ def run(
     """Fly a campaign; interrupted, the same command or `campaign resume` goes on with it."""
     from testbed.campaigns.runner import prepare
 
+    _check_workers(workers, cluster)
     _fly(prepare(file, out, overwrite), out, workers, cluster, as_json)
 
 
@@ -50,6 +51,7 @@ def resume(
     """Fly what is missing of a campaign that was interrupted."""
     from testbed.campaigns.runner import reopen
 
+    _check_workers(workers, cluster)
     _fly(reopen(folder), folder, workers, cluster, as_json)
 
 
@@ -91,20 +93,32 @@ def list_(as_json: JsonOption = False) -> None:
         print(f"{name}\n    {description}")
 
 
+@app.command(epilog="Example: testbed campaign schema > campaign.schema.json")
+def schema() -> None:
+    """The JSON Schema of campaign files."""
+    from testbed.campaigns.file import Campaign
+
+    print(json.dumps(Campaign.model_json_schema(), indent=2))
+
+
+def _check_workers(workers: int | None, cluster: str | None) -> None:
+    if workers is not None and workers < 1:
+        raise UserError(f"--workers {workers}: give at least 1")
+    if workers is not None and cluster is not None:
+        raise UserError("--workers and --cluster: the cluster has its own workers; give one of the two")
+
+
 def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_json: bool) -> None:
     from testbed.campaigns.executor import executor
     from testbed.campaigns.folder import Journal
     from testbed.campaigns.runner import TerminatedError, fly_all, hint, progress
     from testbed.campaigns.view import View
+    from testbed.stopping import StoppedError
 
-    if workers is not None and workers < 1:
-        raise UserError(f"--workers {workers}: give at least 1")
-    if workers is not None and cluster is not None:
-        raise UserError("--workers and --cluster: the cluster has its own workers; give one of the two")
     try:
         with executor(workers, cluster) as pool:
             state = fly_all(plan, out, pool, View())
-    except KeyboardInterrupt as signal:
+    except (KeyboardInterrupt, StoppedError) as signal:
         kept = progress(plan, Journal(out).entries)
         print(f"interrupted; {hint(kept, out)}", file=sys.stderr)
         raise typer.Exit(143 if isinstance(signal, TerminatedError) else 130) from None

@@ -23,6 +23,9 @@ AHEAD = 3
 # Dask gives a task up after four lost workers; so many times it is given to it again.
 RESUBMITTED = 4
 
+# For the scheduler to answer, and again for its first worker.
+TIMEOUT_S = 5.0
+
 _OWN = threading.local()
 
 
@@ -37,7 +40,8 @@ def on_worker(index: int, message: bytes) -> Outcome:
 class Cluster:
     """A Dask scheduler's workers. Raises UserError if it cannot be reached, or has no workers."""
 
-    def __init__(self, address: str, timeout_s: float = 5.0) -> None:
+    def __init__(self, address: str, timeout_s: float | None = None) -> None:
+        timeout_s = TIMEOUT_S if timeout_s is None else timeout_s
         try:
             from distributed import Client
         except ImportError:

@@ -74,7 +74,7 @@ class Plan:
 def base(campaign: Campaign, folder: Path) -> Scenario:
     """The scenario that a campaign varies; a path is meant from `folder`, the campaign file's."""
     source = campaign.scenario
-    if source not in scenario.builtin() and not Path(source).is_absolute():
+    if Path(source).suffix == ".toml":
         source = str(folder / source)
     data = scenario.load(source).model_dump(mode="json")
     for name, value in campaign.set.items():
@@ -127,8 +127,11 @@ def _axes(campaign: Campaign, start: Scenario) -> dict[str, dict[Any, Fields]]:
         }
     for name, values in campaign.grid.items():
         path = _path(name, "grid")
-        axes[".".join(path)] = {_label(v): {path: v} for v in values}
-        if len(axes[".".join(path)]) < len(values):
+        dotted = ".".join(path)
+        if dotted in axes:
+            raise UserError(f"{campaign.name}: grid.{name}: {dotted} is an axis already")
+        axes[dotted] = {_label(v): {path: v} for v in values}
+        if len(axes[dotted]) < len(values):
             raise UserError(f"{campaign.name}: grid.{name}: a value is listed twice")
     if campaign.remedies:
         axes["remedy"] = {name: {} for name in campaign.remedies}

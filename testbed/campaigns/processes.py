@@ -27,6 +27,11 @@ class Processes:
     def workers(self) -> int:
         return self._count
 
+    @property
+    def pids(self) -> list[int | None]:
+        """Of the processes; None for one that is not running yet."""
+        return [child.pid for child in self._children]
+
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
         while len(self._children) < min(self._count, len(jobs)):
             self._children.append(Child())

@@ -81,8 +81,9 @@ def reopen(out: Path, to_fly: bool = True) -> Plan:
     if found.get("schema_version") != SCHEMA_VERSION:
         raise UserError(f"{out} has schema version {found.get('schema_version')}, not {SCHEMA_VERSION}")
     campaign = file.parse(found["campaign"], str(out / folder.MANIFEST))
-    plan = expand(campaign, scenario.parse(found["base"], str(out / folder.MANIFEST)), None if to_fly else found["code"])
-    if plan.id != found["id"]:
+    start = scenario.parse(found["base"], str(out / folder.MANIFEST))
+    plan = expand(campaign, start, None if to_fly else found["code"])
+    if (plan.id, plan.code) != (found["id"], found["code"]):
         raise UserError(
             f"{out} was begun by other code, packages or airframe files (code {found['code']}, now"
             f" {plan.code}); go on with those, or run it anew into another folder"

@@ -1,0 +1,205 @@
+"""Campaign files: what they mean, and one line for everything that can be wrong with them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from testbed import scenario
+from testbed.campaigns import file
+from testbed.campaigns.draw import draw
+from testbed.campaigns.file import Campaign, Distribution, Guarantee
+from testbed.campaigns.identity import ROOT, code_id, content_id, modules
+from testbed.campaigns.plan import Plan, base, expand
+
+BASE = {"name": "c", "scenario": "paper-2-turn", "seeds": 3}
+
+
+def plan(**fields: object) -> Plan:
+    campaign = Campaign.model_validate(BASE | fields)
+    return expand(campaign, base(campaign, Path()))
+
+
+def test_cells_are_the_product_of_the_axes_and_all_fly_the_same_seeds() -> None:
+    made = plan(
+        plants=["unicycle", "jsbsim"],
+        grid={"lookahead_m": [1, 10]},
+        variants={"calm": {}, "windy": {"wind.speed_mps": 5, "gusts.intensity": "light"}},
+        remedies=["none", "buffer 1 m"],
+        first_seed=7,
+    )
+    assert len(made.cells) == 16 and len(made.runs) == 48
+    assert [r.seed for r in made.of(5)] == [7, 8, 9]
+    last = made.data(made.runs[-1])
+    assert made.cells[-1].label == "plant jsbsim, variant windy, nominal.lookahead_m 10, remedy buffer 1 m"
+    assert (last["plant"], last["nominal"]["lookahead_m"], last["seed"]) == ("jsbsim", 10.0, 9)
+    assert (last["wind"]["speed_mps"], last["remedy"]["ds_buffer_m"]) == (5.0, 1.0)
+
+
+def test_a_run_is_named_by_its_content() -> None:
+    ids = [r.id for r in plan(grid={"d_safe_m": [5, 6]}).runs]
+    assert len(set(ids)) == 6
+    assert [r.id for r in plan(set={"d_safe_m": 6}).runs] == ids[3:]
+    assert [r.id for r in plan(set={"d_safe_m": 6}, first_seed=2).runs][:2] == ids[4:]
+    # Names and numbers of campaigns are no part of a run.
+    assert [r.id for r in plan(name="d", grid={"d_safe_m": [5]}).runs] == ids[:3]
+    assert expand(plan().campaign, plan().base, "other code").runs[0].id != plan().runs[0].id
+    assert content_id({"a": 1, "b": 2}) == content_id({"b": 2, "a": 1})
+
+
+def test_the_code_a_run_depends_on_is_all_that_flies_and_nothing_that_draws() -> None:
+    names = {str(f.relative_to(ROOT)) for f in modules()}
+    assert {"aircraft/fdm.py", "filters/qp.py", "filters/barrier.py", "testbed/gusts.py"} <= names
+    assert not any("cli" in n or "report" in n or "campaigns" in n or "studies" in n for n in names)
+    assert code_id() == code_id() and len(code_id()) == 16
+
+
+def test_draws_belong_to_seed_and_field_alone() -> None:
+    wind = {"wind.speed_mps": {"uniform": [0, 5]}}
+    more = wind | {"d_safe_m": {"uniform": [4, 6]}}
+    few, many = plan(random=wind), plan(random=more, plants=["unicycle", "lagged"])
+    speeds = [r.draws["wind.speed_mps"] for r in few.runs]
+    assert [r.draws["wind.speed_mps"] for r in many.runs] == speeds * 2 and len(set(speeds)) == 3
+    data = few.data(few.runs[0])
+    assert data["wind"]["speed_mps"] == speeds[0] and data["seed"] == 1
+
+
+@pytest.mark.parametrize(
+    ("distribution", "mean", "deviation", "low", "high"),
+    [
+        ({"uniform": [2, 6]}, 4, 4 / 12**0.5, 2, 6),
+        ({"normal": [3, 2]}, 3, 2, -np.inf, np.inf),
+        # Half a normal distribution: mean sqrt(2 / pi), variance 1 - 2 / pi.
+        ({"normal": [0, 1], "low": 0}, (2 / np.pi) ** 0.5, (1 - 2 / np.pi) ** 0.5, 0, np.inf),
+        ({"loguniform": [1, np.e]}, np.e - 1, ((np.e**2 - 1) / 2 - (np.e - 1) ** 2) ** 0.5, 1, np.e),
+        ({"integers": [1, 6]}, 3.5, (35 / 12) ** 0.5, 1, 6),
+        ({"choice": [0, 10]}, 5, 5, 0, 10),
+    ],
+)
+def test_draws_follow_their_distribution(
+    distribution: dict[str, object], mean: float, deviation: float, low: float, high: float
+) -> None:
+    d = Distribution.model_validate(distribution)
+    seen = np.array([draw(d, seed, "x") for seed in range(2000)])
+    assert low <= seen.min() and seen.max() <= high
+    # 4 standard errors.
+    assert seen.mean() == pytest.approx(mean, abs=4 * deviation / 2000**0.5)
+    assert seen.std() == pytest.approx(deviation, rel=0.1)
+
+
+@pytest.mark.parametrize("name", file.builtin())
+def test_the_campaigns_that_come_with_the_package_resolve(name: str) -> None:
+    campaign, here = file.load(name)
+    made = expand(campaign, base(campaign, here))
+    assert campaign.name == name and campaign.description
+    assert len({r.id for r in made.runs}) == len(made.runs) >= 480
+    assert file.load(f"{name}.toml")[0] == campaign
+
+
+def test_every_guarantee_that_can_be_counted_is_one_that_runs_have() -> None:
+    from testbed.simulate import run
+
+    done = run(scenario.load("paper-2-turn", ["duration_s=0.05"]))
+    assert set(get_args(Guarantee)) <= {g["id"] for g in done.guarantees}
+
+
+def test_a_scenario_file_is_meant_from_the_campaign_files_folder(
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.toml").write_text('name = "mine"\nvehicles = 3\n')
+    (tmp_path / "c.toml").write_text('name = "c"\nscenario = "mine.toml"\nseeds = 4\n')
+    assert call("campaign", "check", tmp_path / "c.toml") == 0
+    assert "c: 4 runs, 1 cells x 4 seeds" in capsys.readouterr().out
+
+
+MISTAKES = {
+    "name = ": "not valid TOML",
+    'seed = 3\nname = "c"\nscenario = "paper-2-turn"': "seed: unknown field; did you mean seeds",
+    'name = "c"\nscenario = "paper-2-turn"': "seeds: say how many",
+    'name = "c"\nseeds = 3': "scenario: field required",
+    'name = "c"\nscenario = "paper-2-tern"\nseeds = 3': "did you mean",
+    "seeds = 0": "seeds: input should be greater than or equal to 1, got 0",
+    'seeds = "many"': "seeds: input should be a valid integer",
+    'plants = ["glider"]': "c, plant glider: plant: input should be 'unicycle'",
+    'plants = ["jsbsim", "jsbsim"]': "plants: 'jsbsim' is listed twice",
+    'plants = ["jsbsim"]\nset.airframes = ["x9"]': "airframes: no airframe x9",
+    'remedies = ["bufer 1 m"]': "did you mean buffer 1 m",
+    'remedies = ["buffer 1 m"]\ngrid."remedy.ds_buffer_m" = [1]': "remedy.ds_buffer_m is set by remedy",
+    'guarantee = "seperation"': "guarantee: input should be 'separation'",
+    "set.seed = 3": "set.seed: say seeds and first_seed",
+    "set.d_safe = 3": "set.d_safe: unknown field; did you mean d_safe_m",
+    "set.d_safe_m = -3": "d_safe_m: input should be greater than 0",
+    'grid.d_safe_m = ["wide"]': "d_safe_m wide: d_safe_m: input should be a valid number",
+    "grid.d_safe_m = []": "grid.d_safe_m: list should have at least 1 item",
+    "grid.d_safe_m = [5, 5.0]": "grid.d_safe_m: a value is listed twice",
+    'plants = ["jsbsim"]\ngrid.plant = ["unicycle"]': "grid.plant: plant is an axis already",
+    "grid.d_safe_m = [5]\nrandom.d_safe_m.uniform = [4, 6]": "d_safe_m: set by both d_safe_m and random",
+    "random.d_safe_m.uniform = [6, 4]": "random.d_safe_m: uniform: 6 is above 4",
+    "random.d_safe_m.uniforn = [4, 6]": "random.d_safe_m.uniforn: unknown field; did you mean uniform",
+    "random.d_safe_m.low = 4": "say one of uniform, loguniform, normal, integers, choice",
+    "random.d_safe_m = {uniform = [4, 6], normal = [5, 1]}": "not uniform and normal",
+    "random.d_safe_m.normal = [0, 1]": ", seed",
+    "stop = {looks = [20, 10], target = 0.1}": "stop: looks [20, 10]: give increasing",
+    "stop = {looks = [10, 20], target = 0.1}\nseeds = 30": "but the last of stop.looks is 20",
+    "stop = {looks = [10, 20]}": "stop.target: field required",
+    "seeds = 600000\nplants = ['unicycle', 'jsbsim']": "1200000 runs are more than 1000000",
+}
+
+
+@pytest.mark.parametrize("text", MISTAKES)
+def test_a_mistake_is_one_line_and_leaves_nothing(
+    text: str, tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "c.toml"
+    whole = "name" in text
+    seeds = "" if "seeds = " in text or "looks" in text else "seeds = 3\n"
+    path.write_text(text if whole else f'name = "c"\nscenario = "paper-2-turn"\n{seeds}{text}\n')
+    assert call("campaign", "run", path, "--out", tmp_path / "out") == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and lines[0].startswith("error: ") and MISTAKES[text] in lines[0], lines
+    assert list(tmp_path.iterdir()) == [path]
+
+
+COMMANDS = {
+    ("run", "head-on-x9", "--out", "o"): "unknown campaign 'head-on-x9'; did you mean head-on-x8",
+    ("run", "none.toml", "--out", "o"): "campaign file none.toml does not exist",
+    ("run", "head-on-x8", "--out", "o", "--workers", "0"): "--workers 0: give at least 1",
+    ("run", "head-on-x8", "--out", "o", "--workers", "2", "--cluster", "tcp://a:1"): "give one of the two",
+    ("status", "o"): "o holds no campaign",
+    ("resume", "o"): "o holds no campaign",
+}
+
+
+@pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)
+def test_a_mistaken_command_is_one_line_and_leaves_nothing(
+    arguments: tuple[str, ...],
+    tmp_path: Path,
+    call: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call("campaign", *arguments) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and COMMANDS[arguments] in lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["run", "resume", "status", "check", "list", "schema"])
+def test_every_command_has_help_with_an_example(
+    command: str, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("campaign", command, "--help") == 0
+    assert f"Example: testbed campaign {command}" in capsys.readouterr().out
+
+
+def test_the_schema_of_campaign_files_is_a_json_schema(
+    call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("campaign", "schema") == 0
+    assert json.loads(capsys.readouterr().out)["properties"]["seeds"]["description"]
