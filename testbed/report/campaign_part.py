@@ -102,7 +102,7 @@ def _picture(
     base = _base(manifest) or {}
     bound = base.get("d_safe_m") if guarantee == "separation" else 0.0
     with drawing():
-        svg = embed.markup(draw(cells, values, bound, guarantee), "cells")
+        svg = embed.markup(draw(cells, values, bound, guarantee))
     least = "; ".join(f"{c['cell']}: {c['lost']} of {c['runs']} lost" for c in cells[:MOST_FACTS])
     return Picture(
         name="cells",

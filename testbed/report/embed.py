@@ -14,25 +14,29 @@ if TYPE_CHECKING:
 # Ids and what points at them; matplotlib names groups alike in every figure.
 _ID = re.compile(r'(\bid="|xlink:href="#|url\(#)')
 _PROLOGUE = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL)
-_SIZE = re.compile(r'(<svg[^>]*?) width="[^"]*"([^>]*?)', re.DOTALL)
-_HEIGHT = re.compile(r'(<svg[^>]*?) height="[^"]*"', re.DOTALL)
+# Of the root, which comes first.
+_SIZE = re.compile(r' (?:width|height)="[0-9.]+pt"')
 
 
-def markup(figure: Figure, name: str) -> str:
+def markup(figure: Figure) -> str:
     """The figure as SVG for a page, closed afterwards; see `inline`."""
     from matplotlib import pyplot as plt
 
     text = io.StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None})
     plt.close(figure)
-    return inline(text.getvalue(), name)
+    return inline(text.getvalue())
 
 
-def inline(svg: str, name: str) -> str:
-    """SVG text without prologue, comments and fixed size, its ids prefixed so that figures do not mix."""
+def inline(svg: str) -> str:
+    """SVG text without prologue, comments and fixed size."""
     svg = _PROLOGUE.sub("", svg).strip()
-    svg = _HEIGHT.sub(r"\1", _SIZE.sub(r"\1\2", svg, count=1), count=1)
-    return _ID.sub(rf"\g<1>{name}-", svg)
+    return _SIZE.sub("", svg, count=2)
+
+
+def own_ids(svg: str, prefix: str) -> str:
+    """The same with every id and what points at it prefixed, so that the figures of a page do not mix."""
+    return _ID.sub(rf"\g<1>{prefix}-", svg)
 
 
 def image(file: Path) -> str:

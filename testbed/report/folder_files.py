@@ -25,7 +25,7 @@ def pictures(folder: Path, names: Sequence[str], what: str, sheet: Path | None, 
                 name=name,
                 caption=f"{what}.",
                 alt=f"{what}; {len(rows)} rows, all in the table beside it." if rows else f"{what}.",
-                svg=embed.inline(text_of(svg), name) if svg.is_file() else "",
+                svg=embed.inline(text_of(svg)) if svg.is_file() else "",
                 image="" if svg.is_file() else embed.image(png),
                 downloads=attached(sheet) if sheet else (),
             )

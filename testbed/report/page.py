@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from testbed.errors import UserError
 from testbed.record import Run
+from testbed.report import embed
 from testbed.report.blocks import SIGNS, Part, cell
 from testbed.store import MANIFEST, MARKS, load, staged
 
@@ -103,7 +103,7 @@ def page(parts: Sequence[Part]) -> str:
     environment = Environment(
         loader=PackageLoader("testbed.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters.update(cell=cell, count=_count)
+    environment.filters.update(cell=cell, own_ids=embed.own_ids)
     environment.globals["signs"] = SIGNS
     playing = any(block.kind == "playback" for p in parts for s in p.sections for block in s.blocks)
     script = _script() if playing else ""
@@ -128,6 +128,3 @@ def _script() -> str:
 def _read(name: str) -> str:
     return (resources.files("testbed.report") / name).read_text(encoding="utf-8")
 
-
-def _count(rows: Sequence[Any]) -> str:
-    return f"{len(rows)} rows"

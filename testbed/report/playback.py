@@ -135,7 +135,8 @@ def gamma(scenario: Mapping[str, Any]) -> dict[str, Any]:
     from testbed import catalogue
     from testbed.scenario import parse
 
-    s = parse(dict(scenario))
+    # What a run was called is not at stake here, and may break today's rules for names.
+    s = parse(dict(scenario) | {"name": "x"})
     if s.barrier.kind == "euclidean":
         return {"kind": "none"}
     if s.barrier.pairs:

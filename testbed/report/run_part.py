@@ -62,9 +62,9 @@ def _svg(folder: Path | None, name: str, draw: Callable[[], Figure]) -> str:
     """The figure's markup, from the folder if it was drawn there."""
     file = folder / "figures" / f"{name}.svg" if folder is not None else None
     if file is not None and file.is_file():
-        return embed.inline(file.read_text(encoding="utf-8"), name)
+        return embed.inline(file.read_text(encoding="utf-8"))
     with drawing():
-        return embed.markup(draw(), name)
+        return embed.markup(draw())
 
 
 def _panels(runs: Runs, folder: Path | None) -> Picture:
@@ -74,8 +74,8 @@ def _panels(runs: Runs, folder: Path | None) -> Picture:
     )
     return Picture(
         name="panels",
-        caption="As in the paper: speed and turn rate of vehicle 1, the smallest distance of any pair, all paths."
-        " Limits and Ds are dotted.",
+        caption="As in the paper: speed and turn rate of vehicle 1, the smallest distance of any pair,"
+        " all paths. Limits and Ds are dotted.",
         alt=f"Four panels over time. Smallest distance of any pair: {least}."
         + (f" Ended early: {ended}." if ended else ""),
         svg=_svg(folder, "panels", lambda: figures.panels(runs)),
@@ -141,7 +141,7 @@ def _ledger_picture(runs: Runs) -> Picture | None:
         figure = ledger_figures.ledger(runs)
         if figure is None:
             return None
-        svg = embed.markup(figure, "ledger")
+        svg = embed.markup(figure)
     worst = {label: ledger.summary(run, worst_moments=1)["worst"] for label, run in runs.items()}
     rows = pd.concat(
         ledger.near(run)[lambda d, w=w: (d.i == w[0]["vehicles"][0]) & (d.j == w[0]["vehicles"][1])].assign(
@@ -182,14 +182,14 @@ def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
         )
     ]
     aircraft = {label: run for label, run in flown.items() if "roll_rad" in run.vehicles}
+    errors = [f"{r['plant']}: {r['channel']} error at most {r['largest']:.3g}." for r in rows]
     if aircraft:
         blocks.append(
             Picture(
                 name="aircraft",
-                caption="A vehicle of the closest pair: bank and sideslip, tracking errors on the three channels."
+                caption="A vehicle of the closest pair: bank, sideslip, and tracking errors by channel."
                 " Dotted: the moment of least distance.",
-                alt="Five series over time. "
-                + " ".join(f"{r['plant']}: {r['channel']} error at most {r['largest']:.3g}." for r in rows),
+                alt="Five series over time. " + " ".join(errors),
                 svg=_svg(folder, "aircraft", lambda: figures.aircraft(aircraft)),
                 downloads=download(
                     "series (CSV)",

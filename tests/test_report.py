@@ -1,0 +1,370 @@
+"""The report page: one for every kind of folder, self-contained, text escaped, its data what was flown."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from aircraft.kinematic import KinematicFleet
+from testbed import catalogue
+from testbed.comparison import compare
+from testbed.errors import UserError
+from testbed.record import Run
+from testbed.report import page, playback, run_part, scorecard
+from testbed.report.style import style
+from testbed.scenario import load
+from testbed.simulate import run
+
+SHORT = ["duration_s=0.5", "manoeuvre_instants=0"]
+DATA = Path(__file__).parent.parent / "docs" / "guide" / "data"
+EVIL = "</script><script>alert(1)</script> & \"quotes' \u2028 é"
+
+
+class Seen(HTMLParser):
+    """What a page holds: ids, addresses, scripts and JSON blocks, text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.addresses: list[str] = []
+        self.scripts: list[str] = []
+        self.json: list[str] = []
+        self.pictures: list[dict[str, str | None]] = []
+        self.words = ""
+        self._into: list[str] | None = None
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.ids += [given["id"]] if given.get("id") else []  # type: ignore[list-item]
+        self.addresses += [v for k, v in attrs if k in ("src", "href", "xlink:href") and v]
+        self.pictures += [given] if tag == "img" or given.get("role") == "img" else []
+        if tag == "script":
+            self._into = self.json if given.get("type") == "application/json" else self.scripts
+            self._into.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._into = None if tag == "script" else self._into
+
+    def handle_data(self, data: str) -> None:
+        if self._into is not None:
+            self._into[-1] += data
+        else:
+            self.words += data
+
+
+def seen(*folders: Path) -> Seen:
+    found = Seen(page.page([page.part(f, f.name) for f in folders]))
+    assert len(found.ids) == len(set(found.ids))
+    assert all(a.startswith(("data:", "#")) for a in found.addresses)
+    assert all(p.get("alt") or p.get("aria-label") for p in found.pictures)
+    assert len(found.scripts) == (1 if found.json else 0)
+    return found
+
+
+def table(found: Seen, text: str) -> pd.DataFrame:
+    """The table behind the first address whose content begins with `text`."""
+    uri = next(
+        a
+        for a in found.addresses
+        if a.startswith("data:text/csv") and unquote(a).partition(",")[2].startswith(text)
+    )
+    return pd.read_csv(io.StringIO(unquote(uri.partition(",")[2])))
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A comparison long enough for the encounter, on plants that are quick to fly."""
+    fields = ["filter_dt_s=0.02", "record_dt_s=0.02", "manoeuvre_instants=0", "duration_s=10"]
+    out = tmp_path_factory.mktemp("report") / "spaces and é"
+    scenarios = {p: load("paper-2-turn", [*fields, f"plant={p}"]) for p in ("unicycle", "lagged")}
+    return compare(scenarios, out).path
+
+
+@pytest.fixture(scope="module")
+def found(both: Path) -> Seen:
+    return seen(both)
+
+
+def test_a_comparison_has_every_part_and_the_numbers_of_its_runs(both: Path, found: Seen) -> None:
+    for words in (
+        "Scorecard",
+        "Playback",
+        "Ledger",
+        "The paper's panels",
+        "Tracking",
+        "Settings and provenance",
+    ):
+        assert words in found.words
+    runs = {p: page.load(both / p) for p in ("unicycle", "lagged")}
+    for label, of in runs.items():
+        assert f"{of.guarantee('separation')['value']:.2f} m at closest (Ds 5 m)" in found.words
+        for e in of.guarantees:
+            assert e["claim"] in found.words and e["source"] in found.words
+        card = table(found, "run,number")
+        mine = card[card.run == label].set_index("id")
+        for e in of.guarantees:
+            assert mine.loc[e["id"], "verdict"] == e["verdict"]
+    assert "spaces and é" in found.words
+    assert (both / "report.html").read_text(encoding="utf-8") == page.page([page.part(both, both.name)])
+
+
+def test_the_figures_data_is_what_was_flown(both: Path, found: Seen) -> None:
+    lagged = page.load(both / "lagged")
+    paths = table(found, "plant,t_s,vehicle,x_m")
+    mine = paths[paths.plant == "lagged"].merge(lagged.vehicles, on=["t_s", "vehicle"], suffixes=("", "_run"))
+    assert len(mine) > 500
+    assert np.abs(mine.x_m - mine.x_m_run).max() < 1e-4 and np.abs(mine.z_m - mine.z_m_run).max() < 1e-4
+
+
+def test_the_playback_decodes_to_the_run_within_a_step_of_rounding(both: Path, found: Seen) -> None:
+    lagged = page.load(both / "lagged")
+    data = json.loads(found.json[0])
+    plant = data["plants"][1]
+    t = np.cumsum(plant["t"]) * data["steps"]["t"]
+    rows = lagged.vehicles[lagged.vehicles.vehicle == 2].set_index("t_s")
+    at = [int(np.argmin(np.abs(rows.index.to_numpy() - x))) for x in t]
+    for channel, (column, scale, step) in playback.CHANNELS.items():
+        decoded = np.cumsum(plant["tracks"][channel][1]) * step
+        truth = scale * rows[column].to_numpy(dtype=float)[at]
+        truth = np.unwrap(truth) if channel == "theta" else truth
+        # coding sums rounded values, it does not sum rounding errors
+        assert np.abs(decoded - truth).max() <= 0.5 * step + 1e-9
+    separation = lagged.guarantee("separation")
+    assert plant["critical"] == separation["vehicles"]
+    moment = next(m for m in plant["moments"] if m["label"] == "least distance")
+    assert moment["t"] == separation["t_s"] and np.abs(t - moment["t"]).min() <= 0.02
+
+
+def test_thinning_keeps_the_worst_instants_and_the_end() -> None:
+    t = np.arange(100_001) * 0.005
+    kept = playback.frames(t, 1001, [123.456, 400.0])
+    assert len(kept) <= 1004 and kept[0] == 0 and kept[-1] == 100_000
+    assert all(np.abs(t[kept] - x).min() <= 0.0025 for x in (123.456, 400.0))
+    assert (np.diff(kept) > 0).all()
+
+
+def test_values_that_are_not_finite_do_not_break_the_coding() -> None:
+    deltas = playback.coded(np.array([np.nan, 1.0, np.nan, np.inf, 3.0]), 0.5)
+    assert np.cumsum(deltas).tolist() == [0, 2, 2, 2, 6]
+    assert json.loads(json.dumps(deltas)) == deltas
+
+
+def test_several_folders_make_one_page_with_ids_of_their_own(both: Path) -> None:
+    found = seen(both / "unicycle", both / "lagged", both)
+    assert len(found.json) == 3 and len(found.scripts) == 1
+    assert {"player-1", "player-2", "player-3"} <= set(found.ids)
+
+
+def test_a_scenarios_text_is_text() -> None:
+    flown = run(load("paper-2-turn", SHORT))
+    flown.manifest["scenario"] |= {"name": EVIL, "description": EVIL}
+    found = Seen(page.page([run_part.part({"unicycle": flown}, None, "r <b>&é")]))
+    assert found.words.count(EVIL) >= 2 and "r <b>&é" in found.words
+    assert json.loads(found.json[0])["vehicles"] == 2
+    assert all(s not in found.json[0] for s in ("</", "<!--", "\u2028"))
+
+
+def test_a_plant_name_is_text_too(tmp_path: Path) -> None:
+    flown = run(load("paper-2-turn", SHORT))
+    made = Seen(page.page([run_part.part({EVIL: flown}, None, "x")]))
+    assert json.loads(made.json[0])["plants"][0]["name"] == EVIL
+    assert EVIL in made.words and len(made.scripts) == 1
+
+
+class Falling(KinematicFleet):
+    """Vehicle 2 hits the ground after 0.2 s."""
+
+    steps = 0
+
+    def step(self, command, wind, n):  # type: ignore[no-untyped-def]
+        self.steps += n
+        return super().step(command, wind, n)
+
+    def faults(self) -> list[str]:
+        return ["", "ground" if self.steps * self.dt >= 0.2 else ""]
+
+
+def test_a_run_that_ended_early_says_so_and_keeps_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenarios = {p: load("paper-2-turn", [*SHORT, f"plant={p}"]) for p in ("unicycle", "lagged")}
+    monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
+    compare(scenarios, tmp_path / "r")
+    found = seen(tmp_path / "r")
+    why = "vehicle 2: ground by 0.200 s, the run ended there"
+    assert "Separation not shown on lagged; kept on unicycle" in found.words
+    assert f"the run did not finish: {why}" in found.words
+    data = json.loads(found.json[0])
+    assert data["plants"][1]["ended"] == why
+    ends = [sum(p["t"]) * data["steps"]["t"] for p in data["plants"]]
+    assert ends[0] == pytest.approx(0.5) and ends[1] == pytest.approx(0.195)
+
+
+def test_one_vehicle_has_a_page_without_pairs(tmp_path: Path) -> None:
+    run(load("paper-2-turn", ["vehicles=1", *SHORT]), tmp_path / "r")
+    found = seen(tmp_path / "r")
+    assert "Separation not shown" in found.words and "one vehicle has nobody to keep clear of" in found.words
+    assert json.loads(found.json[0])["plants"][0]["pairs"] is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "kind"),
+    [
+        (("paper-2-turn",), "turn"),
+        (("paper-2-straight",), "straight"),
+        (("paper-counterexample",), "pairs"),
+        (("paper-motivating",), "none"),
+    ],
+)
+def test_the_manoeuvre_in_the_player_is_the_barriers(fields: tuple[str, ...], kind: str) -> None:
+    scenario = load(fields[0])
+    gamma = playback.gamma(scenario.model_dump(mode="json"))
+    assert gamma["kind"] == kind
+    if "vehicles" in gamma:
+        flown = catalogue.barrier(scenario).manoeuvre(scenario.vehicles).array()
+        assert np.array_equal(np.array(gamma["vehicles"]), flown)
+
+
+def fact(value: float | None, verdict: str) -> scorecard.Fact:
+    entry = {
+        "id": "separation",
+        "verdict": verdict,
+        "value": value,
+        "bound": 5.0,
+        "t_s": 1.0,
+        "vehicles": [1, 2],
+    }
+    return scorecard.fact(verdict, Run({"ended_early": None}, [entry | {"why": "nobody"}], {}))
+
+
+def test_the_headline_never_hides_a_loss() -> None:
+    kept, lost, void = fact(6.0, "holds"), fact(4.0, "violated"), fact(6.0, "premise not met")
+    none = fact(None, "not applicable")
+    assert scorecard.headline([kept, kept])[0] == "kept"
+    assert scorecard.headline([kept, void]) == (
+        "open",
+        "Separation not shown on premise not met; kept on holds",
+    )
+    assert scorecard.headline([none])[0] == "open"
+    assert scorecard.headline([kept, void, lost])[0] == "lost"
+    assert scorecard.headline([kept, lost])[1] == "Separation LOST on violated; kept on holds"
+    assert lost.width < 40 < kept.width  # the bound stands at 40 %
+
+
+def test_names_nobody_planned_for_keep_their_look() -> None:
+    assert style("glider") == style("glider") and style("glider")["linestyle"] != "-"
+    assert style("unicycle") != style("jsbsim")
+
+
+# -- studies
+
+
+@pytest.mark.parametrize(("name", "mark"), [("answer", "answer.json"), ("certificate", "remedies.json")])
+def test_the_guides_own_studies_have_pages(name: str, mark: str) -> None:
+    found = seen(DATA / name)
+    rows = pd.read_csv(next((DATA / name).glob("*.csv")))
+    assert "lose" in found.words and found.words.count("runs lose Ds (95 % interval") == len(rows)
+    assert (DATA / name / mark).is_file()
+
+
+def test_a_sweep_has_a_page(tmp_path: Path) -> None:
+    rows = pd.read_csv(DATA / "turn-bandwidth.csv")
+    shutil.copy(DATA / "turn-bandwidth.csv", tmp_path / "sweep.csv")
+    (tmp_path / "tune.json").write_text(
+        json.dumps({"command": "testbed tune x8", "rows": json.loads(rows.to_json(orient="records"))})
+    )
+    found = seen(tmp_path)
+    assert f"{len(rows)} sets of gains flown" in found.words and "testbed tune x8" in found.words
+    assert len(table(found, rows.columns[0])) == len(rows)
+
+
+@pytest.mark.slow
+def test_studies_write_their_page_at_their_end(tmp_path: Path, call: Callable[..., int]) -> None:
+    short = ("--workers", 1, "--seeds", 1, "--set", "duration_s=0.5")
+    ladder, margin = tmp_path / "ladder", tmp_path / "margin"
+    assert call("compare", "paper-2-turn", "--ladder", *short, "--out", ladder) == 0
+    knob = ("--knob", "ds_buffer", "--target-rate", "0.9", "--plant", "unicycle")
+    assert call("margin", "paper-2-turn", *knob, *short, "--out", margin) == 0
+    for folder, words in (
+        (ladder, "of 1 runs on the lowest rung"),
+        (margin, "ds_buffer 0 m meets a rate of 0.9"),
+    ):
+        assert words in Seen((folder / "report.html").read_text(encoding="utf-8")).words
+        assert "<svg" in (folder / "report.html").read_text(encoding="utf-8")
+        assert seen(folder).words
+
+
+@pytest.mark.slow
+def test_a_campaign_writes_its_page(tmp_path: Path, call: Callable[..., int]) -> None:
+    file, out = tmp_path / "c.toml", tmp_path / "out"
+    file.write_text(
+        'name = "small"\ndescription = "<b>"\nscenario = "paper-2-turn"\nseeds = 3\nplants = ["unicycle"]\n'
+        'remedies = ["none", "buffer 1 m"]\n[set]\nduration_s = 0.1\n"checks.manoeuvre_instants" = 0\n'
+    )
+    assert call("campaign", "run", file, "--out", out, "--workers", 1) == 0
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert (
+        "campaign small" in Seen(text).words
+        and "<b>" in Seen(text).words
+        and "0 of 6 runs lose separation" in Seen(text).words
+    )
+    assert len(table(seen(out), "id,")) == 6
+
+
+# -- the command
+
+
+def test_the_command_writes_where_it_is_told(
+    both: Path, tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "page.html"
+    assert call("report", both / "unicycle", "--out", out) == 0
+    assert capsys.readouterr().out == f"report: {out}\n"
+    assert "Separation kept on unicycle" in Seen(out.read_text(encoding="utf-8")).words
+
+
+@pytest.mark.parametrize("kind", ["absent", "empty", "damaged", "unwritable"])
+def test_a_mistake_is_one_line(
+    kind: str, both: Path, tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = tmp_path / "r", tmp_path / "page.html"
+    if kind == "empty":
+        folder.mkdir()
+    elif kind == "damaged":
+        folder.mkdir()
+        (folder / "ladder.json").write_text('{"rows": []}')
+    elif kind == "unwritable":
+        folder, out = both, tmp_path / "no" / "page.html"
+    assert call("report", folder, "--out", out) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ") and error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_page_that_fails_costs_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with page.reported(tmp_path / "r") as folder:
+        (folder / "ladder.json").write_text("{}")
+    assert (tmp_path / "r" / "ladder.json").is_file() and not (tmp_path / "r" / "report.html").exists()
+    assert "no report.html" in capsys.readouterr().err
+
+
+def test_a_comparison_without_a_report(tmp_path: Path) -> None:
+    done = compare({"unicycle": load("paper-2-turn", SHORT)}, tmp_path / "r", report=False)
+    assert not (done.path / "report.html").exists()
+
+
+def test_a_datasheet_is_a_page_already(tmp_path: Path) -> None:
+    (tmp_path / "datasheet.json").write_text("{}")
+    with pytest.raises(UserError, match="is a datasheet, a page already"):
+        page.part(tmp_path, "x")
