@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbed.cli_common import JsonOption, OverwriteOption, WorkersOption, show
+from testbed.cli_common import JsonOption, OverwriteOption, WorkersOption, show, show_named
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
@@ -66,13 +66,17 @@ def status(folder: FolderArg, as_json: JsonOption = False) -> None:
 
 
 @app.command(epilog="Example: testbed campaign check my-campaign.toml")
-def check(file: FileArg) -> None:
+def check(file: FileArg, as_json: JsonOption = False) -> None:
     """Read a campaign file, resolve every run of it, and say how many there are. Flies nothing."""
     from testbed.campaigns.file import load
     from testbed.campaigns.plan import base, expand
 
     campaign, here = load(file)
     plan = expand(campaign, base(campaign, here))
+    if as_json:
+        cells = [cell.label for cell in plan.cells]
+        print(json.dumps({"campaign": campaign.name, "runs": len(plan.runs), "cells": cells}, indent=2))
+        return
     print(
         f"{campaign.name}: {len(plan.runs)} runs, {len(plan.cells)} cells x {len(campaign.seed_list)} seeds"
     )
@@ -86,11 +90,7 @@ def list_(as_json: JsonOption = False) -> None:
     from testbed.campaigns.file import builtin, load
 
     rows = {name: load(name)[0].description for name in builtin()}
-    if as_json:
-        print(json.dumps(rows, indent=2))
-        return
-    for name, description in rows.items():
-        print(f"{name}\n    {description}")
+    show_named(rows, as_json)
 
 
 @app.command(epilog="Example: testbed campaign schema > campaign.schema.json")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from testbed.cli_common import JsonOption
 
 EXAMPLE = "Examples: testbed report runs/demo; testbed report runs/head-on runs/ladder --out study.html"
 
@@ -18,6 +21,7 @@ def report(
         Path | None, typer.Option("--out", help="file to write; default DIR/report.html of the first folder")
     ] = None,
     open_: Annotated[bool, typer.Option("--open", help="show it in the browser")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Write one HTML page: verdict, scorecard, playback, ledger, figures, settings. It needs no network.
 
@@ -26,6 +30,6 @@ def report(
     from testbed.report.page import PAGE_FILE, write
 
     file = write(folders, out or folders[0] / PAGE_FILE)
-    print(f"report: {file}")
+    print(json.dumps({"report": str(file)}) if as_json else f"report: {file}")
     if open_:
         typer.launch(file.resolve().as_uri())
