@@ -43,6 +43,7 @@ def record(
     ] = None,
     baselines: BaselinesOption = None,
     workers: WorkersOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Fly a scenario on unicycles and aircraft over blocks of seeds, and write the baseline.
 
@@ -58,6 +59,10 @@ def record(
         folder(Path(), baselines), name, scenario, overrides,
         reason=reason, seeds=seeds, blocks=blocks, rungs=names, workers=workers,
     )  # fmt: skip
+    if as_json:
+        said = {"baseline": str(path), "blocks": made.blocks, "seeds": made.seeds, "rungs": list(made.rungs)}
+        print(json.dumps(said | {"changed": made.history[-1].get("changed", [])}, indent=2))
+        return
     for line in made.history[-1].get("changed", []):
         print(line)
     print(f"baseline: {path}, {made.blocks} blocks of {made.seeds} seeds on {', '.join(made.rungs)}")
