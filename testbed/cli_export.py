@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from enum import StrEnum
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -52,7 +53,8 @@ def export(
         print(json.dumps({"file": str(where), "events": [asdict(e) for e in found]}, indent=2))
         return
     for event in found:
-        print(f"{event.t_s:9.3f} s  {'-'.join(map(str, event.vehicles)):7} {event.text}")
+        line = f"{event.t_s:9.3f} s  {'-'.join(map(str, event.vehicles)):7} {event.text}"
+        print(textwrap.fill(line, 80, subsequent_indent=" " * 21, drop_whitespace=False))
     print(f"written: {where}")
 
 
