@@ -101,17 +101,7 @@ def check(
     if as_json:
         from testbed.store import plain
 
-        print(
-            json.dumps(
-                plain(
-                    {
-                        n: {"degraded": r.degraded, "rows": r.rows(every=True), "lines": r.lines}
-                        for n, r in reports.items()
-                    }
-                ),
-                indent=2,
-            )
-        )
+        print(json.dumps(plain({n: r.as_dict() for n, r in reports.items()}), indent=2))
     else:
         for report in reports.values():
             print(report.text(every))

@@ -324,8 +324,8 @@ def test_the_command_checks_all_and_its_exit_code_tells(
     monkeypatch.setattr(recording, "fly", lambda job: scripted(job, slower=0.5))
     assert call("regress", "check", "x8", "--baselines", kept, "--workers", 1, "--json") == 1
     found = json.loads(capsys.readouterr().out)["x8"]
-    assert found["degraded"] and len(found["rows"]) == 2 * len(quantities(load("paper-2-turn")))
-    bad = [row for row in found["rows"] if row["verdict"] == DEGRADED]
+    assert found["degraded"] and len(found["quantities"]) == 2 * len(quantities(load("paper-2-turn")))
+    bad = [row for row in found["quantities"] if row["verdict"] == DEGRADED]
     assert [(row["rung"], row["quantity"]) for row in bad] == [("6-DOF", "separation")]
 
 

@@ -21,7 +21,7 @@ from testbed.statistics import mean
 class Report:
     """What a check found.
 
-    title   of the table; `rows` are what is worth a look, `every` all that was compared
+    title   of the table
     lines   what degraded, where to look, what else is new
     """
 
@@ -34,8 +34,13 @@ class Report:
         return any(f.verdict == DEGRADED for f in self.findings)
 
     def rows(self, every: bool = False) -> list[dict[str, Any]]:
+        """What is worth a look, or all that was compared."""
         chosen = [f for f in self.findings if every or f.verdict or f.quantity.name == "separation"]
         return [f.row() for f in chosen]
+
+    def as_dict(self) -> dict[str, Any]:
+        found = [f.as_dict() for f in self.findings]
+        return {"title": self.title, "degraded": self.degraded, "quantities": found, "lines": self.lines}
 
     def text(self, every: bool = False, width: int = 110) -> str:
         """The table and the lines, as the command prints them."""
@@ -85,12 +90,11 @@ def check(
 
 
 def _where(found: list[Finding], paired: bool) -> list[str]:
-    """On recorded seeds nothing but a cause differs: whether unicycles changed says where it is."""
+    """Whether unicycles on the same seeds changed too says where the cause is."""
     bad = {f.rung for f in found if f.verdict == DEGRADED}
     if not bad or not paired or not any(f.rung == UNICYCLE for f in found):
         return []
-    same = all(f.change.worse == 0.0 for f in found if f.rung == UNICYCLE)
-    if same:
+    if all(abs(f.change.worse) <= f.quantity.resolution for f in found if f.rung == UNICYCLE):
         return ["unicycles fly as recorded: look at the aircraft, its autopilot or the flight dynamics"]
     return ["unicycles fly otherwise too: look at the filter, the nominal controller or the scenario"]
 

@@ -38,19 +38,22 @@ class Finding:
         return self.verdict in (DEGRADED, IMPROVED)
 
     def row(self) -> dict[str, Any]:
-        c = self.change
+        """For a table as wide as a terminal; `sentence` has the evidence too."""
+        q, c = self.quantity, self.change
         return {
             "rung": self.rung,
-            "quantity": self.quantity.name,
-            "unit": self.quantity.unit,
+            "quantity": f"{q.name} [{q.unit}]" if q.unit else q.name,
             "recorded": c.recorded,
             "now": c.now,
             "worse by": c.worse,
             "tolerance": self.tolerance,
-            "worse on": f"{c.seeds_worse}/{self.seeds}" if c.seeds_worse is not None else None,
-            "p": self.p,
             "verdict": self.verdict,
         }
+
+    def as_dict(self) -> dict[str, Any]:
+        q, own = self.quantity, ("seeds", "tolerance", "p", "verdict")
+        named = {"rung": self.rung, "quantity": q.name, "unit": q.unit}
+        return named | vars(self.change) | {name: getattr(self, name) for name in own}
 
     def sentence(self) -> str:
         """The finding in words: which quantity, which rung, by how much, on what evidence."""
