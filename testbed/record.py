@@ -138,6 +138,8 @@ class Run:
 
         if name in self.tables:
             return pd.DataFrame(self.tables[name])
+        if f"{name}.parquet" not in self.manifest.get("files", {}):
+            return pd.DataFrame()  # one vehicle has no pairs, and no table of them
         from testbed.store import table
 
         assert self.path is not None

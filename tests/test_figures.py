@@ -49,10 +49,11 @@ def test_the_figure_is_drawn_panel_by_panel(published: dict[str, Run], tmp_path:
     files = paper_figures.draw(paper_figures.FIGURES[0], published, tmp_path)
     names = {"fig2", "fig2a-speed", "fig2b-turn-rate", "fig2c-distance", "fig2d-path"}
     assert {f.stem for f in files} == names
-    assert {f.suffix for f in files} == {".png", ".pdf"} and len(files) == 10
+    assert {f.suffix for f in files} == {".png", ".pdf", ".svg"} and len(files) == 15
     for file in files:
         head = file.read_bytes()
-        assert head.startswith(b"\x89PNG" if file.suffix == ".png" else b"%PDF") and len(head) > 10_000
+        begins = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}[file.suffix]
+        assert head.startswith(begins) and len(head) > 10_000
 
 
 def test_the_vertices_are_those_published() -> None:

@@ -179,8 +179,8 @@ def test_a_click_in_a_strip_moves_the_time(page: Any) -> None:
 
 
 def test_the_circles_drawn_are_as_far_apart_as_h_says(page: Any, comparison: Comparison) -> None:
-    for k, run in enumerate(comparison.runs.values()):
-        pairs = run.pairs[np.isclose(run.pairs.t_s, 8.0)].nsmallest(5, "h_m")
+    for k, done in enumerate(comparison.runs.values()):
+        pairs = done.pairs[np.isclose(done.pairs.t_s, 8.0)].nsmallest(5, "h_m")
         for row in pairs.itertuples():
             drawn = page.evaluate(
                 "([k, i, j]) => { const p = document.querySelector('.player').player;"

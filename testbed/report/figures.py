@@ -74,7 +74,8 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     )
     path.set_aspect("auto" if flat else "equal", adjustable="datalim")
     for a in axes.flat:
-        a.legend(loc="best")
+        if a.get_legend_handles_labels()[0]:
+            a.legend(loc="best")
     return figure
 
 
