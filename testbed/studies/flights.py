@@ -125,9 +125,8 @@ class Flights:
 
     def _line(self, flight: Flight) -> str:
         said = f"refused, {flight.refused}" if flight.refused else f"margin {flight.margin:.3f}"
-        return (
-            f"{flight.number} of at most {self.most}, {flight.stage}: {said}" + ", violated" * flight.violated
-        )
+        violated = ", violated" if flight.violated else ""
+        return f"{flight.number} of at most {self.most}, {flight.stage}: {said}{violated}"
 
     def least(self) -> Flight:
         """The flight of the least margin; among refused ones alone, the first."""
