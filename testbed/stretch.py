@@ -98,7 +98,7 @@ class Stretch:
         if steps.size and self.i.size:
             at = np.repeat(steps, self.i.size)
             i, j = np.tile(self.i, steps.size), np.tile(self.j, steps.size)
-            values = barrier.values(State.of(self.truth), (at, i), (at, j))
+            values = barrier.values(State.of(self.truth[: self.count]), (at, i), (at, j))
             self.h[steps] = values.h.reshape(steps.size, -1)
             self.grad[:, steps] = values.grad.T.reshape(8, steps.size, -1)
             self._known[steps] = True
