@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -70,9 +70,18 @@ def page(browser: Any, comparison: Comparison) -> Iterator[Any]:
     """The comparison's page, freshly opened."""
     browser.trouble.clear()
     browser.goto((comparison.path / "report.html").as_uri())
-    browser.wait_for_function("document.querySelector('.player').dataset.drawn > 0")
+    until(browser, lambda: int(state(browser, "drawn")) > 0)
     yield browser
     assert browser.trouble == []
+
+
+def until(page: Any, holds: Callable[[], bool], seconds: float = 30) -> None:
+    """Wait till it holds; the page's policy forbids the driver's own way, which evaluates strings."""
+    for _ in range(round(seconds / 0.05)):
+        if holds():
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError("waited in vain")
 
 
 def state(page: Any, name: str) -> str:
@@ -115,7 +124,7 @@ def test_play_runs_pause_stops_and_speed_is_obeyed(page: Any) -> None:
     page.select_option("[data-part=rate]", "0.25")
     button = page.locator("[data-part=play]")
     button.click()
-    page.wait_for_function("Number(document.querySelector('.player').dataset.t) > 0.02")
+    until(page, lambda: now(page) > 0.02)
     assert button.get_attribute("aria-pressed") == "true" and "Pause" in button.text_content()
     slow = page.evaluate(RATE)
     page.select_option("[data-part=rate]", "5")
@@ -123,7 +132,7 @@ def test_play_runs_pause_stops_and_speed_is_obeyed(page: Any) -> None:
     # asked: 0.25 and 5; measured over half a second of a busy machine
     assert 0.15 < slow < 0.4 and 3 < fast < 8
     button.click()
-    page.wait_for_function("document.querySelector('.player').dataset.playing === 'false'")
+    until(page, lambda: state(page, "playing") == "false")
     stopped = now(page)
     page.wait_for_timeout(100)
     assert now(page) == stopped and state(page, "playing") == "false"
@@ -144,9 +153,9 @@ def test_the_keyboard_alone_drives_the_plan(page: Any) -> None:
     page.keyboard.press("ArrowLeft")
     assert now(page) == 0.0
     page.keyboard.press("Space")
-    page.wait_for_function("document.querySelector('.player').dataset.playing === 'true'")
+    until(page, lambda: state(page, "playing") == "true")
     page.keyboard.press("Space")
-    page.wait_for_function("document.querySelector('.player').dataset.playing === 'false'")
+    until(page, lambda: state(page, "playing") == "false")
     page.keyboard.press("+")
     assert page.input_value("[data-part=view]") == "free"
 
@@ -173,8 +182,8 @@ def test_a_plant_can_be_left_out_and_the_view_changed(page: Any) -> None:
 
 
 def test_a_click_in_a_strip_moves_the_time(page: Any) -> None:
-    box = page.locator(".strip .u-over").first.bounding_box()
-    page.mouse.click(box["x"] + 0.25 * box["width"], box["y"] + 5)
+    strip = page.locator(".strip .u-over").first
+    strip.click(position={"x": 0.25 * strip.bounding_box()["width"], "y": 5})
     assert now(page) == pytest.approx(5.0, abs=0.1)
 
 
@@ -207,7 +216,7 @@ def test_the_tracks_download_is_the_runs_tracks(page: Any, comparison: Compariso
         page.click("[data-part=save]")
     tracks = pd.read_csv(got.value.path())
     assert got.value.suggested_filename == "tracks.csv"
-    run = comparison.runs["lagged"].vehicles
+    run = comparison.runs["lagged"].vehicles.round({"t_s": 4})
     mine = tracks[tracks.plant == "lagged"].merge(run, on=["t_s", "vehicle"], suffixes=("", "_run"))
     assert len(mine) == len(run)
     assert np.abs(mine.x_m - mine.x_m_run).max() < 1e-3 and np.abs(mine.v_mps - mine.v_mps_run).max() < 0.011
@@ -251,7 +260,7 @@ def test_a_scenarios_text_runs_nothing(browser: Any, tmp_path: Path) -> None:
         page_of([run_part.part({"unicycle": flown, evil: flown}, None, "évil <b>")]), encoding="utf-8"
     )
     browser.goto(file.as_uri())
-    browser.wait_for_function("document.querySelector('.player').dataset.drawn > 0")
+    until(browser, lambda: int(state(browser, "drawn")) > 0)
     assert evil[:60] in browser.text_content("h1") and "évil <b>" in browser.text_content(".what")
     assert browser.locator("img[src=x]").count() == 0
     browser.click("[data-part=forward]")

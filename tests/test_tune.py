@@ -148,7 +148,15 @@ def test_an_interrupted_sweep_goes_on_where_it_was(
     found = go()
     assert [row["turn.damping"] for row in found.data["rows"]] == pytest.approx(swept[0].values)
     assert np.nansum(flown) == pytest.approx(sum(swept[0].values))  # each value once
-    assert {p.name for p in out.iterdir()} == {"sweep.csv", "sweep.png", "sweep.pdf", "tune.json", "gains"}
+    assert {p.name for p in out.iterdir()} == {
+        "sweep.csv",
+        "sweep.png",
+        "sweep.pdf",
+        "sweep.svg",
+        "report.html",
+        "tune.json",
+        "gains",
+    }
     assert [p.name for p in tmp_path.iterdir()] == ["s"]  # the notebook is gone
 
 

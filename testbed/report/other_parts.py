@@ -1,12 +1,15 @@
-"""Tuned gains and the paper's figures as parts of a report."""
+"""Tuned gains, the paper's figures, searches, and folders nothing more is known of, as parts of a report."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from testbed.report import settings
-from testbed.report.blocks import KEPT, LOST, OPEN, Block, Listing, Part, Section, Table, download
-from testbed.report.folder_files import attached, csv_text, finite, json_of, pictures, text_of
+from testbed.report.blocks import KEPT, LOST, OPEN, Block, Listing, Part, Section, Table, download, read_csv
+from testbed.report.folder_files import about, attached, csv_text, finite, json_of, pictures, text_of
+
+# Rows of a table on the page; its file has them all.
+MOST_ROWS = 200
 
 
 def tune(folder: Path, title: str) -> Part:
@@ -72,3 +75,45 @@ def figures(folder: Path, title: str) -> Part:
             Section("Files", [Table([{"file": f} for f in data["files"]])]),
         ],
     )
+
+
+def falsify(folder: Path, title: str) -> Part:
+    """The search for a scenario that breaks a guarantee."""
+    from testbed.studies.falsify_report import sentences
+
+    data = json_of(folder / "falsify.json")
+    found = "a counterexample was found" if data["violated"] else "no counterexample was found"
+    return Part(
+        title=title,
+        what=about(data, f"the search for what breaks {data['guarantee']}"),
+        # A search that finds nothing proves nothing.
+        status=LOST if data["violated"] else OPEN,
+        headline=f"{data['guarantee']}: {found} in {data['flights']} flights",
+        details=sentences(data),
+        sections=[
+            Section("Departures from the scenario", [Table(data["departures"])]),
+            Section("Figures and tables", _everything(folder)),
+            Section("Settings and provenance", settings.of_study(data | {"command": data["reproduce"]})),
+        ],
+    )
+
+
+def anything(folder: Path, title: str) -> Part:
+    """A folder of which no more is known than its files."""
+    return Part(
+        title=title,
+        what="Figures and tables of the folder.",
+        status=OPEN,
+        headline="Not a verdict: figures and tables",
+        sections=[Section("Figures and tables", _everything(folder))],
+    )
+
+
+def _everything(folder: Path) -> list[Block]:
+    names = sorted(f.stem for f in folder.glob("*.png"))
+    tables = sorted(folder.glob("*.csv"))
+    return [
+        *(p for name in names for p in pictures(folder, (name,), name.capitalize(), None, [])),
+        *(Table(read_csv(text_of(f))[:MOST_ROWS], f.name, downloads=attached(f)) for f in tables),
+        *(Listing(f.name, text_of(f)) for f in sorted([*folder.glob("*.json"), *folder.glob("*.toml")])),
+    ]

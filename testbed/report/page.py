@@ -91,6 +91,9 @@ def _accounts() -> dict[str, Callable[[Path, str], Part]]:
         "answer.json": study_parts.answer,
         "tune.json": other_parts.tune,
         "figures.json": other_parts.figures,
+        "falsify.json": other_parts.falsify,
+        "ledger.json": other_parts.anything,
+        "export.json": other_parts.anything,
         "campaign.json": campaign_part.part,
     }
 

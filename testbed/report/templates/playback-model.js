@@ -53,12 +53,12 @@ class Plant {
     return { x: at("x"), y: at("y"), z: at("z"), theta: at("theta") };
   }
 
-  // Commands hold from one instant on; what was flown moves between.
+  // What is commanded from a frame on, and what was flown by the next.
   inputs(vehicle, t) {
-    const k = this.frame(t);
+    const k = this.frame(t), next = Math.min(k + 1, this.t.length - 1);
     const inputs = { override: this.tracks.override[vehicle - 1][k] > 0.5 };
     for (const name of ["v", "omega", "zeta"]) {
-      inputs[name] = this.between(this.tracks[name][vehicle - 1], t);
+      inputs[name] = this.tracks[name][vehicle - 1][next];
       inputs[name + "_command"] = this.tracks[name + "_command"][vehicle - 1][k];
     }
     return inputs;
