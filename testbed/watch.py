@@ -79,6 +79,8 @@ class Watch:
         if isinstance(self.barrier, TurnBarrier):
             tally.phasor(s.t[new], self.barrier.phasor(State.of(s.truth[new])))
         tally.rows.update(s.t[new], self._solved_rows(new))
+        if s.count == 1:
+            return
         realised = np.diff(h, axis=0) / self.dt
         tally.condition.update(s.t[: s.count - 1], realised + alpha_h[:-1])
         led = np.flatnonzero(s.recorded[: s.count - 1])

@@ -54,6 +54,7 @@ RUNS: dict[str, tuple[str, list[str]]] = {
     "squared": ("paper-2-turn", [*TWO, "barrier.form=squared", "alpha.kind=linear"]),
     "osqp": ("paper-2-turn", [*TWO, *SLOW, "solver=osqp"]),
     "delayed": ("paper-2-turn", [*TWO, "delay_steps=3", "controller=manoeuvre"]),
+    "at-once": ("paper-2-turn", ["duration_s=0"]),
     "alone": ("paper-2-turn", ["vehicles=1", "duration_s=1"]),
     "unfiltered": ("paper-2-turn", [*TWO, "filter.kind=none"]),
     "navigation": ("paper-20-navigation", TWENTY),
