@@ -27,7 +27,7 @@ def draw(d: Distribution, seed: int, path: str) -> Any:
     if d.integers is not None:
         return int(rng.integers(d.integers[0], d.integers[1], endpoint=True))
     if d.uniform is not None:
-        return float(rng.uniform(*d.uniform))
+        return float(rng.uniform(d.uniform[0], d.uniform[1]))
     if d.loguniform is not None:
         return float(np.exp(rng.uniform(*np.log(d.loguniform))))
     assert d.normal is not None

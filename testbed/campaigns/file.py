@@ -92,7 +92,7 @@ class Stop(Section):
 class Campaign(Section):
     """Every cell (plant x filter x remedy x variant x grid) is flown from the same seeds."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1] = 1
     name: Name
     description: Annotated[str, Field(max_length=2000)] = ""
     scenario: str = Field(description="a built-in scenario or a file, from the campaign file's folder")

@@ -24,16 +24,14 @@ class Cell:
     """One combination of the axes' values.
 
     parameters  axis -> value, as the tables show it
+    label       of the axes that have more than one value
     data        the scenario, but for seed and draws
     """
 
     number: int
     parameters: dict[str, Any]
+    label: str
     data: dict[str, Any]
-
-    @property
-    def label(self) -> str:
-        return ", ".join(f"{k} {v}" for k, v in self.parameters.items()) or "all"
 
 
 @dataclass(frozen=True)
@@ -100,13 +98,15 @@ def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan
     cells, runs = [], []
     for number, chosen in enumerate(itertools.product(*(o.items() for o in axes.values()))):
         parameters = dict(zip(axes, (label for label, _ in chosen), strict=True))
-        cell = _cell(number, parameters, [fields for _, fields in chosen], campaign, start, drawn)
-        cells.append(cell)
+        fields = dict(pair for _, fields in chosen for pair in fields.items())
+        data = _cell_data(parameters, fields, campaign, start, drawn)
+        label = _said({axis: v for axis, v in parameters.items() if len(axes[axis]) > 1}) or "all"
+        cells.append(Cell(number, parameters, label, data))
         for seed in seeds:
             draws = {path: draw(d, seed, path) for path, d in drawn.items()}
             if seed == seeds[0] or draws:
-                where = f"{campaign.name}, {cell.label}" + (f", seed {seed}" if draws else "")
-                s = _resolved(cell.data, draws, seed, where)
+                where = _said(parameters | ({"seed": seed} if draws else {}), campaign.name)
+                s = _resolved(data, draws, seed, where)
                 content, own = s.model_dump(mode="json"), hashes.of(s)
             run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own])
             runs.append(Planned(run, number, seed, draws))
@@ -138,37 +138,32 @@ def _axes(campaign: Campaign, start: Scenario) -> dict[str, dict[Any, Fields]]:
     return axes
 
 
-def _cell(
-    number: int,
-    parameters: dict[str, Any],
-    chosen: list[Fields],
-    campaign: Campaign,
-    start: Scenario,
-    drawn: Container[str],
-) -> Cell:
-    fields: Fields = {}
-    for more in chosen:
-        fields |= more
+def _cell_data(
+    parameters: dict[str, Any], fields: Fields, campaign: Campaign, start: Scenario, drawn: Container[str]
+) -> dict[str, Any]:
+    """The scenario of a cell, its remedy's fields included; what remedies there are depends on the others."""
     data = start.model_dump(mode="json")
     for path, value in fields.items():
         assign(data, path, copy.deepcopy(value))
-    if "remedy" in parameters:
-        from testbed.studies.remedies import catalogue as remedies
+    if "remedy" not in parameters:
+        return data
+    from testbed.studies.remedies import catalogue as remedies
 
-        where = ", ".join(f"{k} {v}" for k, v in parameters.items() if k != "remedy")
-        known = remedies(scenario.parse(data, f"{campaign.name}, {where}" if where else campaign.name))
-        name = parameters["remedy"]
-        if name not in known:
-            raise UserError(
-                f"{campaign.name}: remedies: {name!r} is unknown{' with ' + where if where else ''};"
-                f" {nearest(name, known)}"
-            )
-        for dotted, value in known[name].items():
-            path = tuple(dotted.split("."))
-            if path in fields or dotted in drawn:
-                raise UserError(f"{campaign.name}: {dotted} is set by remedy {name!r} and once more")
-            assign(data, path, value)
-    return Cell(number, parameters, data)
+    name = parameters["remedy"]
+    where = _said({axis: v for axis, v in parameters.items() if axis != "remedy"}, campaign.name)
+    known = remedies(scenario.parse(data, where))
+    if name not in known:
+        raise UserError(f"{where}: remedies: {name!r} is unknown; {nearest(name, known)}")
+    for dotted, value in known[name].items():
+        path = tuple(dotted.split("."))
+        if path in fields or dotted in drawn:
+            raise UserError(f"{where}: {dotted} is set by remedy {name!r} and once more")
+        assign(data, path, value)
+    return data
+
+
+def _said(parameters: dict[str, Any], *before: str) -> str:
+    return ", ".join([*before, *(f"{axis} {value}" for axis, value in parameters.items())])
 
 
 def _resolved(data: dict[str, Any], draws: dict[str, Any], seed: int, where: str = "campaign") -> Scenario:

@@ -68,10 +68,11 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     def number(value: float | None) -> str:
         return "" if value is None else f"{value:.2f}"
 
+    axes = [a for a in rows[0]["parameters"] if len({str(r["parameters"][a]) for r in rows}) > 1]
     shown = []
     for r in rows:
-        line = {
-            "cell": r["cell"],
+        line = {a.rpartition(".")[2]: str(r["parameters"][a]) for a in axes} or {"cell": r["cell"]}
+        line |= {
             "lost": f"{r['lost']}/{r['runs']}",
             f"{100 * r['confidence']:.3g} % CI": f"{100 * r['rate_low']:.1f}-{100 * r['rate_high']:.1f} %",
             "least": number(r["least"]),

@@ -46,17 +46,17 @@ class View:
             self._bar = Progress(*columns, console=console, transient=True)
             self._task = self._bar.add_task(state.plan.campaign.name, total=most, note="")
         else:
-            print(f"{state.plan.campaign.name}: {self}", file=sys.stderr, flush=True)
+            # Without the rate, whose interval is seconds of imports away.
+            print(f"{state.plan.campaign.name}: {self._counts()}", file=sys.stderr, flush=True)
         try:
             if self._bar is not None:
                 self._bar.start()
-            self._show()
             yield
         finally:
             if self._bar is not None:
                 self._bar.stop()
             if self._done > self._before:
-                print(f"{state.plan.campaign.name}: {self}", file=sys.stderr, flush=True)
+                print(f"{state.plan.campaign.name}: {self._counts()}", file=sys.stderr, flush=True)
 
     def done(self, row: dict[str, Any]) -> None:
         """Another run ended."""
@@ -66,11 +66,13 @@ class View:
         if time.monotonic() - self._shown >= (LOGGED_S if self._bar is None else SHOWN_S):
             self._show()
 
+    def _counts(self) -> str:
+        return f"{self._done} of {self._most} done, {self._failed} failed"
+
     def __str__(self) -> str:
-        text = f"{self._done} of {self._most} done, {self._failed} failed"
+        text = self._counts()
         running = min(self._pool.workers, self._most - self._done)
-        if running:
-            text += f", {running} running"
+        text += f", {running} running" if running else ""
         if self._done:
             seen = rate_of(self._lost, self._done)
             rate = f"{100 * seen.value:.1f} % [{100 * seen.low:.1f}, {100 * seen.high:.1f}]"
