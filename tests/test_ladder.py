@@ -8,7 +8,10 @@ from typing import Any
 
 import pytest
 
-from testbed.scenario import load, parse
+from aircraft.kinematic import KinematicFleet
+from filters.unicycle import Command
+from testbed import catalogue
+from testbed.scenario import Scenario, load, parse
 from testbed.studies.ladder import Rung, account, alone, climb, cumulative, markdown, rates, rungs, summary
 from testbed.studies.measure import Job, default_starts, override
 
@@ -45,6 +48,46 @@ def test_known_interacting_lags_are_accounted_for_exactly(table: Any) -> None:
     assert found.steps[2].alone.value == pytest.approx(-2 * b)
     assert found.total.value == pytest.approx(-a - 2 * b - 3 * a * b)
     assert found.interaction.value == pytest.approx(-3 * a * b)
+
+
+class Lagging(KinematicFleet):
+    """Vehicle 2 flies beside vehicle 1 and comes 10 - a - 2 b - 3 a b close: two lags that interact."""
+
+    def __init__(self, s: Scenario) -> None:
+        super().__init__(2, s.rates.fdm_dt_s)
+        a, b = s.lags.v_delay_s, s.lags.omega_delay_s
+        self.nearer = a + 2 * b + 3 * a * b
+
+    def step(self, command: Command, wind: Any, n: int) -> Any:
+        track = super().step(command, wind, n)
+        track[:, 1, 1] -= self.nearer
+        return track
+
+
+def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s, wind: Lagging(s))
+    beside = ", ".join(f"{{x_m=0, y_m={y}, course_deg=0, goal_x_m=300, goal_y_m={y}}}" for y in (0, 10))
+    table_ = [
+        "plant=lagged",
+        "lags.source=table",
+        "filter.kind=none",
+        "start.pattern=list",
+        f"places=[{beside}]",
+    ]
+    s = load("paper-2-turn", [*table_, "duration_s=0.1", "filter_dt_s=0.05", "record_dt_s=0.05"])
+    ladder = [
+        Rung("ideal", (("lags.v_delay_s", 0.0), ("lags.omega_delay_s", 0.0))),
+        Rung("a", (("lags.v_delay_s", 0.5),), "ideal"),
+        Rung("b", (("lags.omega_delay_s", 0.25),), "ideal"),
+    ]
+    found = account(climb(s, ladder, 2, tmp_path / "l", workers=1), ladder, "distance_m")
+    assert found.steps[0].value == pytest.approx(10.0)
+    assert found.steps[1].difference.value == pytest.approx(-0.5)
+    assert found.steps[2].alone.value == pytest.approx(-0.5)
+    assert found.steps[2].difference.value == pytest.approx(-0.5 - 0.375)
+    assert found.interaction.value == pytest.approx(-0.375)
 
 
 def test_differences_telescope_to_the_total(table: Any) -> None:

@@ -13,6 +13,8 @@ from aircraft.kinematic import KinematicFleet, Lag
 from aircraft.plant import Plant
 from aircraft.replay import Replay
 from filters.unicycle import Command, State
+from testbed.scenario import load as load_scenario
+from testbed.simulate import run
 
 DT = 0.005
 START = State([0.0, 60.0], [0.0, 5.0], [0.0, 3.0], [0.0, 1.0])
@@ -82,3 +84,22 @@ def test_a_moment_outside_the_flight_is_refused(plant: Replay, t: float) -> None
     fly(plant, 0, 2)
     with pytest.raises(ValueError, match="cannot branch"):
         plant.branch(t)
+
+
+def test_a_run_that_remembers_itself_flies_bit_for_bit_as_one_that_does_not() -> None:
+    brief = ["plant=jsbsim", "duration_s=0.5"]
+    plain, remembered = (
+        run(load_scenario("paper-2-turn", [*brief, f"manoeuvre_instants={n}"])) for n in (0, 1)
+    )
+    for name in ("vehicles", "pairs"):
+        assert getattr(plain, name).equals(getattr(remembered, name))
+
+
+def test_gamma_from_the_branch_at_zero_is_a_run_that_flies_gamma_from_the_start() -> None:
+    """As fast a turn as the limits allow: a full one takes 27.7 s."""
+    turning = ["plant=lagged", "omega_degps=13", "filter_dt_s=0.05", "record_dt_s=0.05"]
+    branched = run(load_scenario("paper-2-turn", [*turning, "duration_s=0.5", "manoeuvre_instants=1"]))
+    row = branched.guarantee("manoeuvre-keeps-Ds")["detail"]["branches"][0]
+    whole = [*turning, "controller=manoeuvre", "filter.kind=none", "duration_s=27.7", "manoeuvre_instants=0"]
+    flown = run(load_scenario("paper-2-turn", whole)).guarantee("separation")
+    assert row["t_s"] == 0.0 and row["least_m"] == pytest.approx(flown["value"], abs=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -9,9 +10,10 @@ import pytest
 
 from aircraft.airframe import load as load_airframe
 from filters.barrier import TurnBarrier
-from filters.collision import Decision
+from filters.collision import Decision, Filter
 from filters.qp import Status
 from filters.unicycle import Command, Limits, State, View
+from testbed import catalogue
 from testbed.parts import Parts
 from testbed.record import Run
 from testbed.saturation import Saturation
@@ -93,7 +95,8 @@ def test_perturbed_headings_put_twenty_vehicles_on_the_kink_and_cost_the_guarant
 
 
 def test_a_vehicle_that_lags_by_a_known_time_breaks_what_the_unicycle_keeps() -> None:
-    assert verdict("separation") == "holds"
+    for name in ("separation", "barrier-condition", "qp-feasibility", "zcbf-condition"):
+        assert verdict(name) == "holds"
     lagged = [
         *NONE,
         "plant=lagged",
@@ -240,6 +243,30 @@ def test_the_limited_qp_implies_the_centralised_rows() -> None:
     )
     assert entry["verdict"] == "holds"
     assert verdict("rows-satisfied", *NONE, "filter.kind=none", "duration_s=0.1") == "not applicable"
+
+
+class Forgetful:
+    """Solves its QPs and flies the nominal input all the same."""
+
+    def __init__(self, inner: Filter) -> None:
+        self.inner = inner
+
+    def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
+        decision, flown = self.inner(view, nominal, limits), limits.clip(nominal)
+        assert decision.pairs is not None
+        p, u = decision.pairs, flown.array()
+        lie = p.lie(view.state)
+        hdot = np.sum(lie[0] * u[p.i], axis=-1) + np.sum(lie[1] * u[p.j], axis=-1)
+        return dataclasses.replace(decision, command=flown, hdot_predicted=hdot)
+
+
+def test_inputs_that_break_their_rows_are_found_out() -> None:
+    s = load("paper-2-turn", [*NONE, *FINE, "fdm_dt_s=0.02", "duration_s=7.4"])
+    found = run(s, parts=Parts(filter=lambda *made: Forgetful(catalogue.filter_(*made))))
+    entry = found.guarantee("rows-satisfied")
+    # without a turn h falls until its row, the first at about 7 s, cannot hold
+    assert entry["verdict"] == "violated" and entry["t_s"] > 6.5 and entry["value"] < -1.0
+    assert found.guarantee("qp-feasibility")["verdict"] == "holds"
 
 
 def test_intervention_is_reported_not_judged() -> None:

@@ -41,6 +41,9 @@ MISTAKES = {
     ("margin", "paper-2-turn", "--knob", "buffer"): "did you mean ds_buffer",
     ("margin", "paper-2-turn", "--knob", "issf", "--target-rate", "0"): "between 0 and 1",
     ("margin", "paper-20-navigation", "--knob", "ds_buffer", "--seeds", "0"): "--seeds 0: give at least 1",
+    ("margin", "paper-20-navigation", "--knob", "ds_buffer"): "filter 'navigation' cannot take it",
+    ("margin", "paper-2-straight", "--knob", "derate"): "a 'straight' barrier has no turn; try derate_speed",
+    ("remedies", "paper-20-navigation"): "filter 'navigation' cannot take it",
     ("answer", "--vehicles", "3"): "--vehicles 3: give 2, 20 or 2,20",
 }
 

@@ -109,13 +109,15 @@ def find(
 
     seeds     common seeds 1..seeds of the sweep; certificates use later ones
     measured  what flies a job (for tests)
-    Raises    UserError for an unknown knob or a rate outside (0, 1).
+    Raises    UserError for a knob unknown or beyond the scenario's filter, or a rate outside (0, 1).
     """
     if knob not in KNOBS:
         raise UserError(f"--knob {knob}: unknown; {nearest(knob, KNOBS)}")
     if not 0.0 < target_rate < 1.0:
         raise UserError(f"--target-rate {target_rate:g}: give a rate between 0 and 1, such as 0.01")
     k = KNOBS[knob]
+    for setting in k.grid:  # what the scenario cannot take is said before anything is flown
+        override(s, k.fields(setting))
     found = Margin(knob, k.unit, target_rate)
 
     def fly(setting: float, chosen: range, stage: str) -> Point:

@@ -53,7 +53,12 @@ def measure(job: Job) -> dict[str, Any]:
 
 
 def override(s: Scenario, fields: Fields) -> str:
-    """The scenario's data with `fields` set, as JSON; recording thinned, the manoeuvre not flown."""
+    """The scenario's data with `fields` set, as JSON; recording thinned, the manoeuvre not flown.
+
+    Raises UserError where the scenario cannot have them: better now than as a run that could not start.
+    """
+    from testbed.scenario import parse
+
     data = s.model_dump(mode="json")
     for path, value in (fields | {"checks.manoeuvre_instants": 0}).items():
         *parents, leaf = path.split(".")
@@ -63,6 +68,7 @@ def override(s: Scenario, fields: Fields) -> str:
         target[leaf] = value
     dt = data["rates"]["filter_dt_s"]
     data["rates"]["record_dt_s"] = dt * max(1, round(1.0 / dt))
+    parse(data, s.name)
     return json.dumps(data, sort_keys=True)
 
 
