@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, PAGE, VERMILION, drawing, save
+from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, PAGE, VERMILION, drawing, save, style
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,21 +107,20 @@ def answer(table: pd.DataFrame, folder: Path) -> list[Path]:
         y = np.arange(len(table))[::-1]
         rate = 100 * table.lost / table.runs
         low, high = rate - 100 * table.rate_low, 100 * table.rate_high - rate
-        colours = {"unicycle": BLUE, "x8": VERMILION}
-        for vehicle in dict.fromkeys(table.vehicle):
+        for vehicle, marker in zip(dict.fromkeys(table.vehicle), cycle("osD^v"), strict=False):
             of = (table.vehicle == vehicle).to_numpy()
             a.errorbar(
                 rate[of],
                 y[of],
                 xerr=[low[of].clip(0), high[of].clip(0)],
-                fmt="o",
+                fmt=marker,
                 ms=3.5,
                 capsize=2,
-                color=colours.get(vehicle, GREEN),
+                color=style(vehicle)["color"],
                 label=vehicle,
             )
         names = [f"{r.number} {r.vehicle}, {r.weather}, {r.remedy}" for r in table.itertuples()]
         a.set_yticks(y, names)
-        a.set(xlabel="runs that lose Ds [%], 95 % interval", xlim=(-2, 102))
-        a.legend(loc="best")
+        a.set(xlabel="runs that lose Ds [%], 95 % interval", xlim=(-2, 102), ylim=(-0.7, len(table) - 0.3))
+        figure.legend(loc="outside upper right", ncols=4)
         return save(figure, folder, "answer")

@@ -22,6 +22,9 @@ STYLES: dict[str, dict[str, Any]] = {
     "unicycle": {"color": BLUE, "linestyle": "-"},
     "lagged": {"color": GREEN, "linestyle": "-."},
     "jsbsim": {"color": VERMILION, "linestyle": "--"},
+    # The aircraft that jsbsim flies, where several are compared.
+    "x8": {"color": VERMILION, "linestyle": "--"},
+    "rascal": {"color": PURPLE, "linestyle": (0, (3, 1, 1, 1))},
     "turn": {"color": BLUE, "linestyle": "-"},
     "straight": {"color": VERMILION, "linestyle": "--"},
     "navigation": {"color": GREEN, "linestyle": "-."},
