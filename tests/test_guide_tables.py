@@ -107,3 +107,26 @@ def test_the_ledgers_numbers_in_the_guide_are_the_tables() -> None:
         assert f"{value:.2f} " in page, value
     quantiles = pd.read_csv(DATA / "scorecard/quantiles.csv", index_col="channel")
     assert quantiles.loc["total", "0"] == pytest.approx(worst.residual_mps)
+
+
+def test_what_the_page_says_of_the_ladder() -> None:
+    """The sentences' numbers, beside the tables."""
+
+    def account(name: str) -> pd.DataFrame:
+        return pd.read_csv(DATA / "ladder" / name / "rungs.csv", index_col="rung")
+
+    for name, lost, mean in (("x8", 29, -1.88), ("rascal", 34, -1.84)):
+        of = account(name)
+        assert of.lost["lags"] == lost and of.distance_m_change["lags"] == pytest.approx(mean, abs=5e-3)
+        assert of.distance_m_change["lags"] / of.distance_m_change["total"] == pytest.approx(0.75, abs=0.02)
+        assert of.distance_m_change_high["limits"] < 0 < of.distance_m_change_high["interaction"]
+        assert of.distance_m_change_low["interaction"] < 0 and of.distance_m_alone_low["6-DOF"] > 0
+        assert of.distance_m_change.loc["wind":"loss"].abs().max() < 0.4
+    smooth = account("x8-10")
+    assert smooth.distance_m_change_high["interaction"] < 0
+    assert smooth.distance_m_alone["latency"] == pytest.approx(-0.09, abs=5e-3)
+    assert smooth.distance_m_change["latency"] == pytest.approx(-0.58, abs=5e-3)
+    for name, spread, least in (("x8", 1.6, 1.4), ("x8-10", 0.9, 3.6)):
+        runs = pd.read_csv(DATA / "ladder" / name / "runs.csv")
+        flown = runs[runs.rung == "6-DOF"].distance_m
+        assert (round(flown.std(), 1), round(flown.min(), 1)) == (spread, least)
