@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUNS ?= runs
 
-.PHONY: demo test lint guide clean
+.PHONY: demo test test-lowest soak lint guide clean
 
 # Some systems' venv comes without ensurepip; pip itself then fills the environment.
 # Installed editable into the project's own environment, so that `filters`, `aircraft` and `testbed`
@@ -22,6 +22,23 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed
 	$(BIN)/python -m pytest --quiet -n auto --dist worksteal tests
 
+# The oldest versions of the dependencies that are promised to work, in an environment of their own.
+LOWEST := .venv-lowest
+$(LOWEST)/.installed: pyproject.toml tests/lowest.txt
+	test -x $(LOWEST)/bin/python || $(PYTHON) -m venv $(LOWEST) || $(PYTHON) -m venv --clear --without-pip $(LOWEST)
+	$(LOWEST)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m pip --python $(LOWEST)/bin/python install --quiet pip
+	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check --constraint tests/lowest.txt --editable '.[dev]'
+	touch $@
+
+test-lowest: $(LOWEST)/.installed
+	$(LOWEST)/bin/python -m pytest --quiet -n auto --dist worksteal -m 'not slow and not soak' tests
+
+# Hours: 20,000 fuzz cases, 60 kills at random moments, an hour of twenty aircraft, two thousand runs.
+soak: $(VENV)/.installed
+	TESTBED_FUZZ=20 $(BIN)/python -m pytest --quiet -n auto --durations=0 tests/test_fuzz_scenario.py \
+	    tests/test_fuzz_files.py tests/test_fuzz_cli.py tests/test_faults_around.py
+	$(BIN)/python -m pytest --quiet -s -m soak tests/soak
+
 lint: $(VENV)/.installed
 	$(BIN)/ruff check filters aircraft testbed tests
 	$(BIN)/mypy
@@ -33,4 +50,4 @@ guide: $(VENV)/.installed
 	$(BIN)/python -m testbed.studies.idea docs/guide/figures
 
 clean:
-	rm -rf $(VENV) $(RUNS) build *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	rm -rf $(VENV) $(LOWEST) $(RUNS) build *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache

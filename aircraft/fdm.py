@@ -86,6 +86,7 @@ class Fdm:
         self._motion = tuple(n[k].get_double_value for k in ("u", "v", "w", "climb", "omega"))
         self._command = tuple(n[k].set_double_value for k in ("v_command", "omega_command", "zeta_command"))
         self._height = n["above_ground"].get_double_value
+        self._upset = n["alpha"].get_double_value, n["roll"].get_double_value
         self._wind: tuple[float, float, float] | None = None  # as last blown
 
     # -- loading
@@ -296,6 +297,11 @@ class Fdm:
     def height_above_ground(self) -> float:
         """Metres over the terrain."""
         return self._height() * M_PER_FT
+
+    def upset(self) -> tuple[float, float]:
+        """Angle of attack and bank [rad]."""
+        alpha, roll = self._upset
+        return alpha(), roll()
 
     def telemetry(self) -> dict[str, float]:
         """The channels of `TELEMETRY` and the airframe's surfaces, SI."""

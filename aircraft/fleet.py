@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +14,9 @@ from aircraft.fdm import Fdm, Start, motions, positions
 from filters.unicycle import Array, Command, State
 
 _GROUND_CONTACT_M = 0.3  # below this the belly skids touch
+# Loss of control. The autopilot keeps alpha below alpha_max; at twice that both our wings are past the stall
+# (X8 0.40 of 0.27 rad, Rascal 0.34 of 0.23). A gust's moment of it is no stall, and no command banks so far.
+_STALL_SHARE, _STALL_S, _UPSET_RAD = 2.0, 0.1, math.radians(100.0)
 
 
 class JsbsimFleet:
@@ -67,6 +71,8 @@ class JsbsimFleet:
             if self._turbulence:
                 vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
         self._faults = [""] * len(state)
+        most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
+        self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * len(state)
         self._position = positions([f.position() for f in self._vehicles], self.origin)
         self._theta = state.theta.astype(float).copy()
         self._rates = np.zeros((len(state), 3))
@@ -100,23 +106,33 @@ class JsbsimFleet:
     def _end_flights(self, track: Array, flying: NDArray[np.bool_]) -> None:
         """Note new faults; a vehicle that has one stays at its last finite position, `track` says so too."""
         self._move(flying)
-        low = [
-            bool(well) and vehicle.height_above_ground() < _GROUND_CONTACT_M
-            for vehicle, well in zip(self._vehicles, flying.tolist(), strict=True)
+        lost = [
+            self._lost(i, len(track) * self.dt) if well else "" for i, well in enumerate(flying.tolist())
         ]
-        if not any(low) and np.isfinite(track).all() and np.isfinite(self._rates).all():
+        if not any(lost) and np.isfinite(track).all() and np.isfinite(self._rates).all():
             return
         finite: NDArray[np.bool_] = np.asarray(np.isfinite(track).all(axis=2))
         well = np.asarray(finite.all(axis=0) & np.isfinite(self._rates).all(axis=1))
         for i in np.flatnonzero(flying).tolist():
             if not well[i]:
                 self._faults[i] = "not finite"
-                lost = ~finite[:, i]
-                track[lost, i] = track[~lost, i][-1] if finite[:, i].any() else self._position[i]
-            elif low[i]:
-                self._faults[i] = "ground"
+                unknown = ~finite[:, i]
+                track[unknown, i] = track[~unknown, i][-1] if finite[:, i].any() else self._position[i]
+            else:
+                self._faults[i] = lost[i]
             if self._faults[i]:
                 self._theta[i], self._rates[i] = self._last_theta[i], 0.0
+
+    def _lost(self, i: int, period: float) -> str:
+        """What has befallen vehicle i over the last `period` [s], "" for nothing."""
+        vehicle = self._vehicles[i]
+        if vehicle.height_above_ground() < _GROUND_CONTACT_M:
+            return "ground"
+        alpha, roll = vehicle.upset()
+        if abs(roll) > _UPSET_RAD:
+            return "upset"
+        self._stalled_s[i] = self._stalled_s[i] + period if alpha > self._stall[i] else 0.0
+        return "stall" if self._stalled_s[i] > _STALL_S else ""
 
     def _move(self, flying: NDArray[np.bool_]) -> None:
         """Take course, counting turns, and rates from the vehicles that fly."""
@@ -148,7 +164,7 @@ class JsbsimFleet:
         return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
     def faults(self) -> list[str]:
-        """Per vehicle "" or "not finite" or "ground"."""
+        """Per vehicle "", "not finite", "ground", "stall" (alpha) or "upset" (bank)."""
         return list(self._faults)
 
     def __len__(self) -> int:

@@ -78,7 +78,8 @@ def _says(e: Element) -> Iterator[tuple[str, str]]:
     named = e.attributes.get("file")
     if named is not None and e.name not in PLACES:
         yield f'<{e.name} file="{named}">: only systems, engines and thrusters have files', "put it inline"
-    elif named is not None and (named.startswith(("/", "~", "\\")) or ".." in re.split(r"[/\\]", named)):
+    elif named is not None and ".." in re.split(r"[/\\]", named):
+        # JSBSim looks below the folder before it looks where the file should lie.
         yield f"{named} is outside the folder", _KEEP
     if e.name == "output" and ({"port", "protocol", "type", "rate"} & e.attributes.keys()):
         yield "<output> writes files or to a network", "remove it"

@@ -26,6 +26,7 @@ NODES = {
     "z": "position/ecef-z-ft",
     "altitude": "position/geod-alt-ft",
     "above_ground": "position/h-agl-ft",
+    "roll": "attitude/phi-rad",
     "u": "velocities/ecef-x-fps",
     "v": "velocities/ecef-y-fps",
     "w": "velocities/ecef-z-fps",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -40,6 +39,7 @@ from testbed.cli_common import (
     show_study,
 )
 from testbed.errors import UserError
+from testbed.stopping import ending
 
 app = typer.Typer(
     add_completion=False,
@@ -168,11 +168,4 @@ app.command(epilog=cli_falsify.EXAMPLES)(cli_falsify.falsify)
 
 def main() -> None:
     """Entry point of the `testbed` command."""
-    try:
-        app(standalone_mode=True)
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted; nothing half-written is left", file=sys.stderr)
-        sys.exit(130)
+    ending(app)

@@ -18,6 +18,8 @@ class UserError(Exception):
 
 # Longer words are cut in messages, and compared no further.
 LONGEST = 80
+# Of a long list of known names, so many are given.
+LISTED = 40
 
 
 def short(text: str) -> str:
@@ -31,4 +33,5 @@ def nearest(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name[:LONGEST], known, n=3, cutoff=0.5)
     if close:
         return "did you mean " + " or ".join(close) + "?"
-    return "known: " + ", ".join(known)
+    more = len(known) - LISTED
+    return "known: " + ", ".join(known[:LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -17,7 +17,7 @@ from filters.barrier import Barrier, all_pairs
 from filters.collision import Filter
 from filters.monitor import Monitor
 from filters.unicycle import Array, Command, Limits, State
-from testbed import catalogue, guarantees, manoeuvre
+from testbed import catalogue, faults, guarantees, manoeuvre
 from testbed.approach import Approach
 from testbed.disturbance import Disturbance
 from testbed.errors import UserError
@@ -128,7 +128,7 @@ class _Flight:
                 "centralised": filter_.record.cost,
                 "limited": filter_.record.cost_limited,
             }
-        return Run(manifest, verdicts, {"wall_s": time.perf_counter() - began})
+        return Run(manifest, faults.void(verdicts, end), {"wall_s": time.perf_counter() - began})
 
     def _loop(
         self,
@@ -149,10 +149,14 @@ class _Flight:
         for step in range(steps + 1):
             t = step * dt
             truth, rates = plant.state(), plant.achieved()
-            air, view = disturbance.wind(t, truth), disturbance.observe(t, truth, rates)
-            waiting.append(nominal(t, view.own().state))
-            wanted = waiting.popleft()
-            decision = filter_(view, wanted, limits)
+            try:
+                air, view = disturbance.wind(t, truth), disturbance.observe(t, truth, rates)
+                waiting.append(nominal(t, view.own().state))
+                wanted = waiting.popleft()
+                decision = filter_(view, wanted, limits)
+            except Exception as error:
+                end = f"{faults.raised('deciding', error)} at {t:.3f} s, the run ended there"
+                break
             # The step before, if recorded, needs to know what came of it.
             recorded, told = step % s.rates.record_steps == 0, recorded
             telemetry = plant.telemetry() if recorded or told else {}
@@ -165,8 +169,11 @@ class _Flight:
                 self.progress(t, s.duration_s)
             if step == steps:
                 break
-            track = _advance(plant, disturbance, decision.command, t, air, n)
-            fault = next((f"vehicle {v + 1}: {what}" for v, what in enumerate(plant.faults()) if what), None)
+            try:
+                track = _advance(plant, disturbance, decision.command, t, air, n)
+                fault = faults.lost(plant.faults(), track)
+            except Exception as error:
+                fault = faults.raised("flying", error)
             if fault is not None:
                 end = f"{fault} by {t + dt:.3f} s, the run ended there"
                 break
