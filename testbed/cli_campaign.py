@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -111,17 +112,17 @@ def _check_workers(workers: int | None, cluster: str | None) -> None:
 def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_json: bool) -> None:
     from testbed.campaigns.executor import executor
     from testbed.campaigns.folder import Journal
-    from testbed.campaigns.runner import TerminatedError, fly_all, hint, progress
+    from testbed.campaigns.runner import fly_all, hint, progress
     from testbed.campaigns.view import View
     from testbed.stopping import StoppedError
 
     try:
         with executor(workers, cluster) as pool:
             state = fly_all(plan, out, pool, View())
-    except (KeyboardInterrupt, StoppedError) as signal:
+    except (KeyboardInterrupt, StoppedError) as error:
         kept = progress(plan, Journal(out).entries)
         print(f"interrupted; {hint(kept, out)}", file=sys.stderr)
-        raise typer.Exit(143 if isinstance(signal, TerminatedError) else 130) from None
+        raise typer.Exit(128 + getattr(error, "number", signal.SIGINT)) from None
     if state.complete:
         from testbed.report.page import attach
 

@@ -74,6 +74,8 @@ class Child:
         crashes = kills = failed_starts = killed_starts = 0
         while True:
             try:
+                if self._closed:
+                    raise DeathError(0, False)
                 ok, value, wall_s = self._call(message)
             except DeathError as death:
                 self._process = None

@@ -8,8 +8,11 @@ Dask adds is that the runs of a lost worker are flown by another.
 from __future__ import annotations
 
 import logging
+import math
 import pickle
 import threading
+import time
+from asyncio import CancelledError
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
@@ -22,7 +25,8 @@ from testbed.errors import UserError
 AHEAD = 3
 # Dask gives a task up after four lost workers; so many times it is given to it again.
 RESUBMITTED = 4
-
+# How long the number of workers is believed.
+COUNTED_S = 2.0
 # For the scheduler to answer, and again for its first worker.
 TIMEOUT_S = 5.0
 
@@ -49,8 +53,10 @@ class Cluster:
                 "--cluster: dask.distributed is not installed; pip install 'cbf-jsbsim-testbed[cluster]'"
             ) from None
         # What a lost connection means is said below, once.
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        self._address = address
+        for name in ("distributed", *logging.root.manager.loggerDict):
+            if name.startswith("distributed"):
+                logging.getLogger(name).setLevel(logging.CRITICAL)
+        self._address, self._counted = address, (-math.inf, 0)
         try:
             self._client = Client(address, timeout=timeout_s, set_as_default=False)
         except OSError:
@@ -69,7 +75,17 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        return sum(self._client.nthreads().values())
+        # Asked for with every run that ends; the scheduler has better to do.
+        now = time.monotonic()
+        if now - self._counted[0] > COUNTED_S:
+            try:
+                self._counted = (now, sum(self._client.nthreads().values()))
+            except OSError:
+                raise self._gone() from None
+        return self._counted[1]
+
+    def _gone(self) -> UserError:
+        return UserError(f"--cluster {self._address}: the scheduler is gone")
 
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
         from distributed import KilledWorker, as_completed
@@ -95,7 +111,7 @@ class Cluster:
         try:
             fill()
             while running:
-                future = next(ended)
+                future = self._next(ended)
                 index = running.pop(future)
                 if future.status == "finished":
                     yield future.result()
@@ -112,11 +128,17 @@ class Cluster:
                     reason = " ".join(f"{type(error).__name__}: {error}".split())
                     raise UserError(f"--cluster {self._address}: its workers fail with {reason}")
                 else:
-                    raise UserError(f"--cluster {self._address}: the scheduler is gone")
+                    raise self._gone()
                 fill()
         finally:
             for future in running:
                 future.cancel()
+
+    def _next(self, ended: Iterator[Any]) -> Any:
+        try:
+            return next(ended)
+        except (OSError, CancelledError):
+            raise self._gone() from None
 
     def __enter__(self) -> Self:
         return self

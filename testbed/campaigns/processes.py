@@ -13,8 +13,6 @@ from typing import Any, Self
 from testbed.campaigns.child import Child, DeathError
 from testbed.campaigns.executor import J, Outcome
 
-_Task = tuple[int, Any] | None
-
 
 class Processes:
     """`workers` processes (None: one per processor). With one job in each, a death has one culprit."""
@@ -35,21 +33,21 @@ class Processes:
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
         while len(self._children) < min(self._count, len(jobs)):
             self._children.append(Child())
-        todo: queue.SimpleQueue[_Task] = queue.SimpleQueue()
-        for task in enumerate(jobs):
-            todo.put(task)
+        todo: queue.SimpleQueue[int | None] = queue.SimpleQueue()
+        for index in range(len(jobs)):
+            todo.put(index)
         for _ in self._children:
             todo.put(None)
         done: queue.Queue[Outcome | Exception] = queue.Queue()
         threads = [
-            threading.Thread(target=_serve, args=(child, work, todo, done), daemon=True)
+            threading.Thread(target=_serve, args=(child, work, jobs, todo, done), daemon=True)
             for child in self._children
         ]
         for thread in threads:
             thread.start()
         ended = False
         try:
-            for _ in jobs:
+            for _ in range(len(jobs)):
                 outcome = _wait(done)
                 if isinstance(outcome, Exception):
                     raise outcome
@@ -78,13 +76,13 @@ class Processes:
 def _serve(
     child: Child,
     work: Callable[[Any], Any],
-    todo: queue.SimpleQueue[_Task],
+    jobs: Sequence[Any],
+    todo: queue.SimpleQueue[int | None],
     done: queue.Queue[Outcome | Exception],
 ) -> None:
-    while (task := todo.get()) is not None:
+    while (index := todo.get()) is not None:
         try:
-            index, job = task
-            done.put(child.do(index, pickle.dumps((work, job))))
+            done.put(child.do(index, pickle.dumps((work, jobs[index]))))
         except DeathError:
             return  # closed while it worked
         except Exception as error:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from testbed import scenario
 from testbed.campaigns import file, folder, tables
 from testbed.campaigns.executor import CrashError, Executor, Outcome
-from testbed.campaigns.file import SCHEMA_VERSION, Campaign
+from testbed.campaigns.file import SCHEMA_VERSION
 from testbed.campaigns.flight import FAILED, Job, blank, fly, lost
 from testbed.campaigns.plan import Plan, Planned, base, expand, rounds
 from testbed.campaigns.view import View
@@ -60,7 +57,7 @@ def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
     plan = expand(campaign, base(campaign, here))
     if (out / folder.MANIFEST).is_file():
         found = folder.manifest(out)
-        if found.get("id") == plan.id:
+        if found.get("id") == plan.id and not overwrite:
             return plan
         if not overwrite:
             theirs = found.get("name")
@@ -114,7 +111,7 @@ def fly_all(plan: Plan, out: Path, pool: Executor, view: View) -> Progress:
 
     Raises UserError, saying how to go on, if the disk is full or the workers fail; what is flown is kept.
     """
-    with folder.locked(out), terminable():
+    with folder.locked(out):
         _sweep(out)
         journal = folder.Journal(out)
         state = progress(plan, journal.entries)
@@ -202,26 +199,3 @@ def _manifest(plan: Plan) -> dict[str, Any]:
         "campaign": plan.campaign.model_dump(mode="json"),
         "base": plan.base.model_dump(mode="json"),
     }
-
-
-class TerminatedError(KeyboardInterrupt):
-    """SIGTERM: the same orderly end as Ctrl-C."""
-
-
-@contextmanager
-def terminable() -> Iterator[None]:
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise TerminatedError
-
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not in the main thread, where no signal arrives either
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-__all__ = ["Campaign", "Progress", "fly_all", "hint", "prepare", "progress", "reopen"]

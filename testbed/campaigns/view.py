@@ -44,7 +44,7 @@ class View:
             columns = ("{task.description}", BarColumn(bar_width=20), TextColumn("{task.fields[note]}"))
             console = Console(stderr=True)
             self._bar = Progress(*columns, console=console, transient=True)
-            self._task = self._bar.add_task(state.plan.campaign.name, total=most, note="")
+            self._task = self._bar.add_task(state.plan.campaign.name, total=most, note=self._counts())
         else:
             # Without the rate, whose interval is seconds of imports away.
             print(f"{state.plan.campaign.name}: {self._counts()}", file=sys.stderr, flush=True)
