@@ -39,18 +39,27 @@ SCHEMA_VERSION = 1
 class Scenario(Section):
     """Everything a run depends on; equal scenarios give equal files."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
-    name: Name
-    description: Annotated[str, Field(max_length=2000)] = ""
-    vehicles: Annotated[int, Field(ge=1, le=1000)]
-    duration_s: Annotated[float, Field(ge=0, le=86400)] = 20.0
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1
-    plant: Literal["unicycle", "lagged", "jsbsim"] = "unicycle"
+    schema_version: Literal[1] = Field(default=SCHEMA_VERSION, description="of this format")
+    name: Name = Field(description="of the run, in titles and folder names")
+    description: Annotated[str, Field(max_length=2000)] = Field(
+        default="", description="a sentence for people"
+    )
+    vehicles: Annotated[int, Field(ge=1, le=1000)] = Field(description="how many; counted from 1")
+    duration_s: Annotated[float, Field(ge=0, le=86400)] = Field(
+        default=20.0, description="flown time; a multiple of the filter period"
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
+        default=1, description="of everything random in the run"
+    )
+    plant: Literal["unicycle", "lagged", "jsbsim"] = Field(
+        default="unicycle",
+        description="unicycle: the paper's; lagged: with identified lags and limits; jsbsim: 6-DOF aircraft",
+    )
     airframes: list[Annotated[str, Field(min_length=1, max_length=1000)]] = Field(
         default=["x8"], min_length=1, max_length=1000, description="names or folders, repeated in turn"
     )
     d_safe_m: Positive = Field(default=5.0, description="Ds, the separation to keep")
-    goal_radius_m: Positive = 20.0
+    goal_radius_m: Positive = Field(default=20.0, description="a goal counts as reached within it")
     rates: Rates = Rates()
     limits: InputSet = InputSet()
     start: Start = Start()
@@ -78,9 +87,7 @@ class Scenario(Section):
         for name in ("lateral_offsets_m", "heading_offsets_deg", "height_offsets_m"):
             given = len(getattr(self.start, name))
             if given not in (0, self.vehicles):
-                raise ValueError(
-                    f"start.{name}: {given} offsets for {self.vehicles} vehicles; list one each"
-                )
+                raise ValueError(f"start.{name}: {given} offsets for {self.vehicles} vehicles; list one each")
         for name in ("sigma", "zeta_mps", "manoeuvres"):
             values = getattr(self.barrier, name)
             if isinstance(values, list) and len(values) > 1 and len(values) != self.vehicles:

@@ -62,9 +62,15 @@ def _whole(name: str, period_s: float, unit_name: str, unit_s: float) -> None:
 class Rates(Section):
     """Periods of the flight dynamics, of the filter and of recording; the latter two are multiples."""
 
-    fdm_dt_s: Annotated[float, Field(ge=1e-4, le=1)] = 0.005
-    filter_dt_s: Annotated[float, Field(gt=0, le=10)] = 0.005
-    record_dt_s: Annotated[float, Field(gt=0, le=86400)] = 0.005
+    fdm_dt_s: Annotated[float, Field(ge=1e-4, le=1)] = Field(
+        default=0.005, description="of flight dynamics and autopilot"
+    )
+    filter_dt_s: Annotated[float, Field(gt=0, le=10)] = Field(
+        default=0.005, description="of the filter: a multiple of fdm_dt_s"
+    )
+    record_dt_s: Annotated[float, Field(gt=0, le=86400)] = Field(
+        default=0.005, description="of the tables: a multiple of filter_dt_s"
+    )
 
     @model_validator(mode="after")
     def divide(self) -> Rates:
@@ -87,10 +93,14 @@ class Rates(Section):
 class InputSet(Section):
     """The input set U: what the filter may command."""
 
-    v_min_mps: Speed = 15.0
-    v_max_mps: Speed = 25.0
-    omega_max_degps: Annotated[float, Field(ge=0, le=360), AfterValidator(_in_degrees)] = 13.0
-    zeta_max_mps: Annotated[float, Field(ge=0, le=1000)] = 3.9
+    v_min_mps: Speed = Field(default=15.0, description="least ground speed")
+    v_max_mps: Speed = Field(default=25.0, description="largest ground speed")
+    omega_max_degps: Annotated[float, Field(ge=0, le=360), AfterValidator(_in_degrees)] = Field(
+        default=13.0, description="largest turn rate, to either side"
+    )
+    zeta_max_mps: Annotated[float, Field(ge=0, le=1000)] = Field(
+        default=3.9, description="largest climb and sink rate"
+    )
 
     @model_validator(mode="after")
     def ordered(self) -> InputSet:
@@ -102,21 +112,25 @@ class InputSet(Section):
 class Place(Section):
     """Where one vehicle starts, and its goal."""
 
-    x_m: Coordinate
-    y_m: Coordinate
-    course_deg: Annotated[float, Field(ge=-720, le=720)]
-    z_m: Coordinate = 0.0
-    goal_x_m: Coordinate
-    goal_y_m: Coordinate
-    goal_z_m: Coordinate = 0.0
+    x_m: Coordinate = Field(description="east")
+    y_m: Coordinate = Field(description="north")
+    course_deg: Annotated[float, Field(ge=-720, le=720)] = Field(description="counter-clockwise from east")
+    z_m: Coordinate = Field(default=0.0, description="height above the shared origin")
+    goal_x_m: Coordinate = Field(description="east")
+    goal_y_m: Coordinate = Field(description="north")
+    goal_z_m: Coordinate = Field(default=0.0, description="height")
 
 
 class Start(Section):
     """Initial poses: on a circle facing its centre with the goal opposite, or listed one by one."""
 
-    pattern: Literal["circle", "list"] = "circle"
-    radius_m: Positive = 200.0
-    course_offset_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    pattern: Literal["circle", "list"] = Field(
+        default="circle", description="on a circle, or listed in places"
+    )
+    radius_m: Positive = Field(default=200.0, description="of the circle")
+    course_offset_deg: Annotated[float, Field(ge=-180, le=180)] = Field(
+        default=0.0, description="added to the course towards the centre, counter-clockwise"
+    )
     heights_m: list[Coordinate] = Field(
         default=[0.0], min_length=1, description="one for all, or one per vehicle, repeated in turn"
     )
@@ -146,9 +160,14 @@ class Start(Section):
 class Nominal(Section):
     """The goal-seeking controller that the filter alters."""
 
-    controller: Literal["near-identity", "manoeuvre"] = "near-identity"
-    lookahead_m: Divisor = 1.0
-    gain_per_s: Positive = 0.1
+    controller: Literal["near-identity", "manoeuvre"] = Field(
+        default="near-identity",
+        description="near-identity: towards the goal; manoeuvre: the evading manoeuvre for ever",
+    )
+    lookahead_m: Divisor = Field(
+        default=1.0, description="near-identity: the point ahead that is steered, the paper's lambda"
+    )
+    gain_per_s: Positive = Field(default=0.1, description="near-identity: on position and height")
     delay_steps: Annotated[int, Field(ge=0, le=1000)] = Field(
         default=0, description="filter steps by which u_hat is old; before there is one it is zero"
     )
@@ -157,8 +176,10 @@ class Nominal(Section):
 class Alpha(Section):
     """The extended class-K function alpha(h)."""
 
-    kind: Literal["linear", "cubic", "odd-polynomial"] = "cubic"
-    coefficient: Positive = 0.1
+    kind: Literal["linear", "cubic", "odd-polynomial"] = Field(
+        default="cubic", description="a h, a h^3, or a sum of odd powers"
+    )
+    coefficient: Positive = Field(default=0.1, description="a, of linear and cubic")
     coefficients: list[NonNegative] = Field(
         default=[], max_length=5, description="of h, h^3, h^5, ... for odd-polynomial"
     )
@@ -173,26 +194,29 @@ class Alpha(Section):
 class Manoeuvre(Section):
     """A constant input: straight, a turn, a climb, or any mixture."""
 
-    v_mps: Speed
-    omega_degps: TurnRate = 0.0
-    zeta_mps: ClimbRate = 0.0
+    v_mps: Speed = Field(description="ground speed")
+    omega_degps: TurnRate = Field(default=0.0, description="turn rate, counter-clockwise")
+    zeta_mps: ClimbRate = Field(default=0.0, description="climb rate")
 
 
 class Pair(Section):
     """The turn that one pair evades by, where every pair has a manoeuvre of its own."""
 
-    i: Annotated[int, Field(ge=1)]
-    j: Annotated[int, Field(ge=2)]
-    v_mps: Speed
-    omega_degps: TurnRate
+    i: Annotated[int, Field(ge=1)] = Field(description="vehicle")
+    j: Annotated[int, Field(ge=2)] = Field(description="vehicle, above i")
+    v_mps: Speed = Field(description="ground speed of their turn")
+    omega_degps: TurnRate = Field(description="turn rate")
 
 
 class Barrier(Section):
     """The evading manoeuvre gamma and the barrier function built from it."""
 
-    kind: Literal["turn", "straight", "rollout", "euclidean"] = "turn"
-    form: Literal["root", "squared"] = "root"
-    v_mps: Speed = 16.0
+    kind: Literal["turn", "straight", "rollout", "euclidean"] = Field(
+        default="turn",
+        description="h by a turn, by straight flight, by any constant manoeuvre, or the distance alone",
+    )
+    form: Literal["root", "squared"] = Field(default="root", description="root: h in m; squared: h in m^2")
+    v_mps: Speed = Field(default=16.0, description="ground speed of the manoeuvre")
     omega_degps: TurnRate = Field(default=11.7, description="of the turn")
     sigma: SpeedRatio | Annotated[list[SpeedRatio], Field(min_length=1)] = Field(
         default=1.0, description="turn: speed ratio, one or per vehicle"
@@ -236,7 +260,9 @@ class Barrier(Section):
 class Filter(Section):
     """What stands between the nominal controller and the vehicles."""
 
-    kind: Literal["centralised", "limited", "navigation", "none"] = "centralised"
+    kind: Literal["centralised", "limited", "navigation", "none"] = Field(
+        default="centralised", description="one QP for all, one per vehicle, the navigation function, or none"
+    )
     solver: Literal["auto", "osqp"] = Field(
         default="auto", description="of the QPs: auto is the fastest one measured; every answer is checked"
     )
@@ -255,8 +281,8 @@ class Checks(Section):
 class Navigation(Section):
     """The navigation-function baseline, with the parameters its authors' comparison used."""
 
-    speed_mps: Positive = 20.0
-    heading_gain_per_s: Positive = 0.6
+    speed_mps: Positive = Field(default=20.0, description="constant ground speed")
+    heading_gain_per_s: Positive = Field(default=0.6, description="turn rate per heading error")
     path_radius_m: Positive = Field(default=20.0, description="r_p: closer to the goal the path fades")
     path_gain: NonNegative = Field(default=20.0, description="K_p: pull towards the line from start to goal")
     potential_exponent: Positive = Field(default=0.2, description="k of the navigation function")
@@ -265,5 +291,5 @@ class Navigation(Section):
     vehicle_margin_m: Positive = Field(default=5.0, description="delta_j: a vehicle repels from there on")
     disc_radius_m: Positive = Field(default=2000.0, description="rho_c: disc about the origin to stay in")
     disc_margin_m: Positive = Field(default=5.0, description="delta_c: its edge repels from there on")
-    sensing_range_m: Positive = 400.0
+    sensing_range_m: Positive = Field(default=400.0, description="vehicles farther away are not seen")
     difference_step_m: Positive = Field(default=1.0, description="of the gradient's central differences")
