@@ -18,6 +18,7 @@ class Player {
     this.fillPairs();
     this.strips = new Strips(this.at("strips"), this);
     const lost = this.plants.find((p) => p.moments.some((m) => m.lost)) || this.plants[0];
+    this.root.dataset.playing = false;
     this.seek(lost.moments.length ? lost.moments[0].t : 0);
   }
 
@@ -148,6 +149,7 @@ class Player {
   play(on) {
     if (on === this.playing) return;
     this.playing = on;
+    this.root.dataset.playing = on;
     if (on && this.t >= this.end) this.t = 0;
     this.at("play").textContent = on ? "❚❚ Pause" : "▶ Play";
     this.at("play").setAttribute("aria-pressed", String(on));
@@ -181,7 +183,7 @@ class Player {
     this.strips.cursor(this.t);
     this.tell(!this.playing);
     this.drawn += 1;
-    Object.assign(this.root.dataset, { t: this.t.toFixed(4), playing: this.playing, drawn: this.drawn });
+    Object.assign(this.root.dataset, { t: this.t.toFixed(4), drawn: this.drawn });
   }
 
   // Numbers at the cursor; while playing, ten times a second.
