@@ -53,6 +53,14 @@ def test_remedies_in_the_guide_are_the_committed_tables(file: Path) -> None:
         assert of.infeasible.sum() == row.infeasible_steps
 
 
+def test_the_robust_rows_in_the_guide_are_the_table() -> None:
+    for r in pd.read_csv(DATA / "scorecard/robust.csv").itertuples():
+        bounds = (r.robust_v_mps, r.robust_omega_degps, r.robust_zeta_mps)
+        shown = "- | - | -" if np.isnan(r.quantile) else " | ".join(f"{b:g}" for b in bounds)
+        row = f" | {shown} | {r.least_distance_m:.2f} | {r.least_h_m:.2f} | {r.no_solution} |"
+        assert row in guide("scorecard.md"), row
+
+
 def test_what_the_page_says_of_twenty_aircraft() -> None:
     kept = pd.read_csv(DATA / "remedies-20/remedies.csv", index_col="remedy")
     runs = pd.read_csv(DATA / "remedies-20/runs.csv")
