@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -106,7 +107,7 @@ def check(
             print(finding)
         count = f"{len(findings)} finding{'s' if len(findings) > 1 else ''} in {path}"
         print(count if findings else f"{path} is clean")
-        print(f"not checked: {NOT_SEEN}")
+        print(textwrap.fill(f"not checked: {NOT_SEEN}", 80))
     if findings:
         raise typer.Exit(1)
 
