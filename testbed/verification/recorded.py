@@ -1,0 +1,111 @@
+"""What a run folder says, read without the code that wrote it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbed.errors import UserError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One run: T recorded instants, N vehicles, P pairs.
+
+    t          (T,) s
+    vehicles   column -> (T, N)
+    pairs      column -> (T, P), pairs in the order (1, 2), (1, 3), ... (N - 1, N)
+    i, j       (P,) vehicles of each pair, from 0
+    changed    files whose checksum is not the manifest's
+    """
+
+    scenario: dict[str, Any]
+    ended: str | None
+    guarantees: dict[str, dict[str, Any]]
+    t: Array
+    vehicles: dict[str, Array]
+    pairs: dict[str, Array]
+    i: Array
+    j: Array
+    changed: list[str]
+
+    @property
+    def position(self) -> Array:
+        """(T, N, 3) m"""
+        return np.stack([self.vehicles[c] for c in ("x_m", "y_m", "z_m")], axis=-1)
+
+    @property
+    def velocity(self) -> Array:
+        """(T, N, 3) m/s, along the course."""
+        v, theta, zeta = (self.vehicles[c] for c in ("v_mps", "theta_rad", "zeta_mps"))
+        return np.stack([v * np.cos(theta), v * np.sin(theta), zeta], axis=-1)
+
+
+def read(folder: Path) -> Recorded:
+    """The run in `folder`.
+
+    Raises UserError if files are missing or unreadable, or rows are missing, doubled or out of place.
+    """
+    manifest = _json(folder, "manifest.json")
+    entries = {e["id"]: e for e in _json(folder, "guarantees.json")}
+    try:
+        s, n = manifest["scenario"], manifest["scenario"]["vehicles"]
+        period = s["rates"]["record_dt_s"]
+        instants = (
+            round(s["duration_s"] / s["rates"]["filter_dt_s"]) // round(period / s["rates"]["filter_dt_s"])
+            + 1
+        )
+    except (KeyError, TypeError):
+        raise UserError(f"{folder} holds no run: its manifest has no scenario") from None
+    i, j = np.triu_indices(n, 1)
+    vehicles = _table(folder, "vehicles", n, {"vehicle": np.arange(n) + 1})
+    pairs = _table(folder, "pairs", i.size, {"i": i + 1, "j": j + 1}) if i.size else {}
+    t = vehicles["t_s"][:, 0]
+    ended = manifest.get("ended_early")
+    if len(t) != instants and not (ended and len(t) < instants):
+        raise UserError(
+            f"{folder}: {len(t)} instants recorded, {instants} expected: rows are missing or too many"
+        )
+    for name, table in (("vehicles", vehicles), ("pairs", pairs)):
+        if table and (
+            len(table["t_s"]) != len(t)
+            or np.abs(table["t_s"] - period * np.arange(len(t))[:, None]).max() > 1e-6
+        ):
+            raise UserError(f"{folder}: {name}.parquet has instants that are missing or out of place")
+    changed = [
+        name
+        for name, told in manifest.get("files", {}).items()
+        if hashlib.sha256((folder / name).read_bytes()).hexdigest() != told
+    ]
+    return Recorded(s, ended, entries, t, vehicles, pairs, i, j, changed)
+
+
+def _json(folder: Path, name: str) -> Any:
+    try:
+        return json.loads((folder / name).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError(f"{folder} holds no finished run: {name}: {error}") from None
+
+
+def _table(folder: Path, name: str, size: int, keys: dict[str, Array]) -> dict[str, Array]:
+    import pyarrow
+    import pyarrow.parquet as parquet
+
+    try:
+        table = parquet.ParquetFile(folder / f"{name}.parquet").read()
+    except (OSError, pyarrow.ArrowException) as error:
+        raise UserError(f"{folder}: {name}.parquet cannot be read: {error}") from None
+    if not table.num_rows or table.num_rows % size:
+        raise UserError(f"{folder}: {name}.parquet has {table.num_rows} rows, not a multiple of {size}")
+    columns = {c: table[c].to_numpy(zero_copy_only=False).reshape(-1, size) for c in table.column_names}
+    for key, wanted in keys.items():
+        if not np.array_equal(columns[key], np.broadcast_to(wanted, columns[key].shape)):
+            raise UserError(f"{folder}: {name}.parquet has rows that are missing or out of place")
+    return columns
