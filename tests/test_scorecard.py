@@ -131,11 +131,11 @@ FINE = ("filter_dt_s=0.02", "record_dt_s=0.02")
 
 
 def test_gamma_flown_from_a_safe_state_keeps_what_h_promises_on_unicycles() -> None:
-    entry = flown("manoeuvre_instants=20", *FINE).guarantee("manoeuvre-keeps-Ds")
+    entry = flown("manoeuvre_instants=8", *FINE).guarantee("manoeuvre-keeps-Ds")
     assert entry["verdict"] == "holds"
     rows = entry["detail"]["branches"]
     # to the FDM's sampling: 0.02 m
-    assert len(rows) == 20 and max(row["short_m"] for row in rows) < 0.02
+    assert len(rows) == 8 and max(row["short_m"] for row in rows) < 0.02
 
 
 DELAY_S = 0.4
@@ -145,7 +145,7 @@ def delayed(seconds: float) -> Run:
     """Vehicles that hear of a turn `seconds` late and fly on straight until then; no filter asks for one."""
     instant = [f"lags.{channel}_time_constant_s=0" for channel in ("v", "omega", "zeta")]
     table = ["plant=lagged", "lags.source=table", f"lags.omega_delay_s={seconds}", *instant]
-    return flown(*table, *FINE, "filter.kind=none", "course_offset_deg=0", "duration_s=9")
+    return flown(*table, *FINE, "fdm_dt_s=0.01", "filter.kind=none", "course_offset_deg=0", "duration_s=9")
 
 
 def test_on_vehicles_that_turn_late_gamma_reaches_what_h_says_of_where_they_will_be() -> None:
@@ -162,7 +162,7 @@ def test_on_vehicles_that_turn_late_gamma_reaches_what_h_says_of_where_they_will
         turning = State(x.to_numpy(), y.to_numpy(), theta, at.z_m.to_numpy())
         if row["safe_pairs"]:
             # to one FDM period, in which the channels ramp, at 25 m/s each
-            assert row["least_m"] == pytest.approx(5.0 + barrier.values(turning).h[0], abs=0.15)
+            assert row["least_m"] == pytest.approx(5.0 + barrier.values(turning).h[0], abs=0.25)
     assert entry["verdict"] == "violated"
     assert min(row["least_m"] for row in rows if row["safe_pairs"]) < 4.0
     assert delayed(0.0).guarantee("manoeuvre-keeps-Ds")["verdict"] == "holds"
