@@ -65,8 +65,8 @@ def markdown() -> str:
     for title, columns in TABLES.items():
         parts += [f"### {title}", _columns(columns)]
     parts += ["## The seams", "A part of your own has these methods; see [extend.md](extend.md)."]
-    for thing in (*PROTOCOLS, collision.Decision):
-        parts += _entry(f"{thing.__module__}.{thing.__name__}", thing)
+    for seam in (*PROTOCOLS, collision.Decision):
+        parts += _entry(f"{seam.__module__}.{seam.__name__}", seam)
     parts.append("## Airframes")
     for thing in FUNCTIONS:
         parts += _entry(f"{thing.__module__}.{thing.__name__}", thing)
