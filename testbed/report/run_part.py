@@ -42,7 +42,7 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
             ],
         ),
         Section("Playback", [Playback(playback.data(runs))]),
-        Section("Ledger: predicted against realised hdot", _ledger(runs)),
+        Section("Ledger: predicted against realised hdot", _ledger(runs, folder)),
         Section("The paper's panels", [_panels(runs, folder)]),
         Section("Tracking: commanded against achieved", _tracking(runs, folder)),
         Section("Settings and provenance", settings.of_runs(runs)),
@@ -91,7 +91,7 @@ def _least(run: Run) -> str:
     return f"{e['value']:.2f} m at {e['t_s']:.2f} s" if e["value"] is not None else "none, there is no pair"
 
 
-def _ledger(runs: Runs) -> list[Block]:
+def _ledger(runs: Runs, folder: Path | None) -> list[Block]:
     """Quantiles of the residual by channel, and the worst moments, of each run that has pairs near."""
     found = {label: ledger.summary(run) for label, run in runs.items() if len(run.pairs)}
     rows = [
@@ -115,7 +115,7 @@ def _ledger(runs: Runs) -> list[Block]:
         for w in s["worst"]
     ]
     near = next(iter(found.values()))["near_h_m"]
-    picture = _ledger_picture({label: runs[label] for label in found})
+    picture = _ledger_picture({label: runs[label] for label in found}, folder)
     return [
         Note(
             "Realised minus predicted hdot of recorded pairs with h below"
@@ -136,12 +136,7 @@ def _ledger(runs: Runs) -> list[Block]:
     ]
 
 
-def _ledger_picture(runs: Runs) -> Picture | None:
-    with drawing():
-        figure = ledger_figures.ledger(runs)
-        if figure is None:
-            return None
-        svg = embed.markup(figure)
+def _ledger_picture(runs: Runs, folder: Path | None) -> Picture | None:
     worst = {label: ledger.summary(run, worst_moments=1)["worst"] for label, run in runs.items()}
     rows = pd.concat(
         ledger.near(run)[lambda d, w=w: (d.i == w[0]["vehicles"][0]) & (d.j == w[0]["vehicles"][1])].assign(
@@ -160,7 +155,7 @@ def _ledger_picture(runs: Runs) -> Picture | None:
             for label, w in worst.items()
             if w
         ),
-        svg=svg,
+        svg=_svg(folder, "ledger", lambda: ledger_figures.ledger(runs)),
         downloads=download("series (CSV)", "ledger-series.csv", rows),
     )
 
