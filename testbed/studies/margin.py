@@ -2,7 +2,8 @@
 
 Not every knob is monotone: a prediction of 0.3 to 0.6 s helps and 0.8 s hurts. So the knob is swept on common
 seeds, the first feasible stretch bracketed, its lower edge bisected, and the edge certified on seeds not seen
-before. A certificate that fails moves up and tries again; the error is split over the tries.
+before. A certificate that fails moves up to the next good setting of the sweep and tries again, for what few
+seeds did not see is seldom cured by a little more; the error is split over the tries.
 """
 
 from __future__ import annotations
@@ -144,17 +145,20 @@ def find(
                 high = middle
             else:
                 low = middle
-    step = (k.grid[first] - k.grid[first - 1]) / 2**BISECTIONS if first else k.grid[1] / 2**BISECTIONS
     each = 1 - (1 - CONFIDENCE) / TRIES
     runs = ceil(log(1 - each) / log(1 - target_rate))
     fresh = seeds + 1
+    above = [x for x in good if x >= k.grid[first]]
     for attempt in range(TRIES):
         point = fly(high, range(fresh, fresh + runs), f"certify {attempt + 1}")
         fresh += runs
         if point.violations == 0:
             found.setting, found.certified, found.bound = high, True, zero_event_bound(runs, each)
             return found
-        high += step * 2 ** (attempt + 1)
+        above = [x for x in above if x > high]
+        if not above or attempt + 1 == TRIES:
+            break
+        high = above[0]
     found.setting = high
     return found
 
