@@ -18,6 +18,7 @@ from testbed import (
     cli_report,
     cli_studies,
     cli_tune,
+    cli_verify,
 )
 from testbed.cli_common import (
     ForceOption,
@@ -164,6 +165,7 @@ app.command(epilog=cli_ledger.EXAMPLE)(cli_ledger.ledger)
 app.add_typer(cli_regress.app, name="regress")
 app.add_typer(cli_campaign.app, name="campaign")
 app.command(epilog=cli_falsify.EXAMPLES)(cli_falsify.falsify)
+app.command(epilog=cli_verify.EXAMPLE)(cli_verify.verify)
 
 
 def main() -> None:
