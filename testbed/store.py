@@ -91,11 +91,12 @@ def _begin(path: Path) -> tuple[Path, int]:
     while True:
         try:
             partial.mkdir(parents=True, exist_ok=True)
-            lock = os.open(partial, os.O_RDONLY)
-        except FileNotFoundError:
-            continue  # the other process was just done with it
         except OSError as error:
             raise UserError(f"cannot write below {path.parent}: {error.strerror}") from None
+        try:
+            lock = os.open(partial, os.O_RDONLY)
+        except FileNotFoundError:
+            continue  # another process was just done with it
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

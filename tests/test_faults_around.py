@@ -29,13 +29,16 @@ KILLS = int(os.environ.get("TESTBED_FUZZ", "1"))
 
 
 def start(*arguments: str, cwd: Path) -> subprocess.Popen[str]:
-    """`testbed` with these arguments, once it says that it flies."""
+    """`testbed` with these arguments, once it flies and has its folder."""
     process = subprocess.Popen(
         [*PROGRAM, *arguments], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stderr is not None
     while "flying" not in (line := process.stderr.readline()):
         assert line, "ended before it flew"
+    while not list(cwd.rglob(".r.partial")):
+        assert process.poll() is None, "ended before it had a folder"
+        time.sleep(0.01)
     return process
 
 
