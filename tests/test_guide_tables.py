@@ -68,6 +68,8 @@ def test_what_the_page_says_of_twenty_aircraft() -> None:
     assert (best.violations, best.n, best.infeasible_steps) == (0, 20, 4)
     assert best.least_distance_m == pytest.approx(6.98, abs=5e-3) and best.rate_high < 0.17
     assert (kept.infeasible_steps.drop(best.name) > 1000).all() and (kept.arrived == 0).all()
+    waited = pd.read_csv(DATA / "remedies-arrive/remedies.csv", index_col="remedy").arrived_share
+    assert [round(waited[name], 2) for name in waited.index] == [0.66, 0.65, 0.18]
     negative = runs[runs.h_m < 0].remedy.value_counts()
     assert [negative[name] for name in kept.index] == [20, 20, 19, 6]
 

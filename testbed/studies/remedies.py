@@ -128,13 +128,14 @@ def markdown(made: pd.DataFrame) -> str:
 
     lines = [
         "| remedy | lost | 95 % interval | least d | median d | least h | no solution | overridden"
-        " | fleets arrived | path | delay [s] |",
-        "|" + 11 * "---|",
+        " | fleets arrived | vehicles arrived | path | delay [s] |",
+        "|" + 12 * "---|",
     ]
     lines += [
         f"| {r.remedy} | {r.violations} of {r.n} | {100 * r.rate_low:.1f} to {100 * r.rate_high:.1f} %"
         f" | {r.least_distance_m:.2f} | {r.median_distance_m:.2f} | {r.least_h_m:.2f}"
         f" | {r.infeasible_steps:.0f} | {r.overridden_share:.0%} | {r.arrived} of {r.n}"
+        f" | {known(r.arrived_share, '.0%')}"
         f" | {known(r.path_cost, '+.1%')} | {known(r.goal_delay_s, '+.2f')} |"
         for r in made.itertuples()
     ]
