@@ -54,7 +54,7 @@ def export(
         return
     for event in found:
         line = f"{event.t_s:9.3f} s  {'-'.join(map(str, event.vehicles)):7} {event.text}"
-        print(textwrap.fill(line, 80, subsequent_indent=" " * 21, drop_whitespace=False))
+        print(textwrap.fill(line, 80, subsequent_indent=" " * 21))
     print(f"written: {where}")
 
 
