@@ -26,6 +26,8 @@ from testbed.campaigns.processes import Processes
 from testbed.campaigns.runner import Progress, fly_all, prepare
 from testbed.campaigns.view import View
 
+pytestmark = pytest.mark.slow
+
 PROGRAM = Path(sys.executable).parent / "testbed"
 
 SHORT = """
