@@ -18,7 +18,9 @@ from testbed.report.blocks import SIGNS, Part, cell
 from testbed.store import MANIFEST, MARKS, load, staged
 
 PAGE_FILE = "report.html"
-SCRIPTS = tuple(f"templates/{name}.js" for name in ("playback-model", "playback-view", "playback"))
+SCRIPTS = tuple(
+    f"templates/{name}.js" for name in ("playback-model", "playback-view", "playback-strips", "playback")
+)
 
 
 def write(folders: Sequence[Path], out: Path) -> Path:
@@ -130,4 +132,3 @@ def _script() -> str:
 
 def _read(name: str) -> str:
     return (resources.files("testbed.report") / name).read_text(encoding="utf-8")
-
