@@ -140,3 +140,17 @@ def test_what_the_page_says_of_the_ladder() -> None:
         runs = pd.read_csv(DATA / "ladder" / name / "runs.csv")
         flown = runs[runs.rung == "6-DOF"].distance_m
         assert (round(flown.std(), 1), round(flown.min(), 1)) == (spread, least)
+
+
+def test_what_the_page_says_of_margins() -> None:
+    for knob in ("ds_buffer", "prediction"):
+        curve = pd.read_csv(DATA / "margin" / knob / "curve.csv")
+        found = json.loads((DATA / "margin" / knob / "margin.json").read_text("utf-8"))
+        fresh = curve[curve.stage.str.startswith("certify")]
+        assert found["certified"] == bool((fresh.violations == 0).any())
+        said = " ".join(line for line in guide("margin.md").split("\n") if not line.startswith("|"))
+        for p in fresh.itertuples():
+            assert f"{p.violations} of {p.runs}" in said and f" at {p.setting:.3g}" in said
+    swept = curve[curve.stage == "sweep"].set_index("setting")
+    assert swept.violations.to_dict() | {0.2: 0, 0.6: 0, 0.7: 2, 0.9: 9} == swept.violations.to_dict()
+    assert swept.least_distance_m.idxmax() == 0.3
