@@ -49,5 +49,9 @@ guide: $(VENV)/.installed
 	$(BIN)/python -m testbed.api_page > docs/guide/api.md
 	$(BIN)/python -m testbed.studies.idea docs/guide/figures
 
+# Ratios within one run, some minutes; writes docs/guide/performance.md. Not part of pass or fail.
+bench: $(VENV)/.installed
+	cd tests && ../$(BIN)/python -m benchmarks
+
 clean:
 	rm -rf $(VENV) $(LOWEST) $(RUNS) build *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache

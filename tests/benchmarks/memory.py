@@ -1,0 +1,61 @@
+"""The memory of a long run of many aircraft, second by second, in a process of its own.
+
+python -m benchmarks.memory VEHICLES SECONDS    prints [[t_s, resident_mb], ...] as JSON
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from testbed import scenario, simulate
+
+
+def measure(vehicles: int = 100, duration_s: float = 60.0) -> dict[str, Any]:
+    """Peak, and growth per minute over the flight's second half [MB]."""
+    command = [sys.executable, "-m", "benchmarks.memory", str(vehicles), str(duration_s)]
+    out = subprocess.run(
+        command, stdout=subprocess.PIPE, text=True, check=True, cwd=Path(__file__).parents[1]
+    )
+    samples = json.loads(out.stdout)
+    middle = len(samples) // 2
+    (t0, before), (t1, after) = samples[middle], samples[-1]
+    return {
+        "peak_mb": max(mb for _, mb in samples),
+        "growth_mb_per_min": 60.0 * (after - before) / (t1 - t0),
+        "samples": samples,
+    }
+
+
+def main(vehicles: int, duration_s: float) -> None:
+    s = scenario.load(
+        "paper-20-turn",
+        [
+            "plant=jsbsim",
+            f"vehicles={vehicles}",
+            f"duration_s={duration_s}",
+            f"start.radius_m={10 * vehicles}",
+            "filter_dt_s=0.05",
+            "manoeuvre_instants=0",
+        ],
+    )
+    me = psutil.Process()
+    samples: list[tuple[float, float]] = []
+
+    def note(t: float, end: float) -> None:
+        if not samples or t >= samples[-1][0] + 1.0 or t == end:
+            samples.append((t, me.memory_info().rss / 2**20))
+
+    with tempfile.TemporaryDirectory() as place:
+        simulate.run(s, Path(place) / "run", force=True, progress=note)
+    print(json.dumps(samples))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), float(sys.argv[2]))

@@ -1,0 +1,182 @@
+"""From the measurements to docs/guide/performance.md: every row against its target."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from benchmarks.runs import KINDS
+from benchmarks.steps import exponent
+from testbed.report.style import PAGE, drawing
+
+GUIDE = Path(__file__).parents[2] / "docs" / "guide"
+PAGE_FILE = GUIDE / "performance.md"
+DATA = GUIDE / "data" / "performance.json"
+TABLE = GUIDE / "data" / "performance.csv"
+FIGURE = GUIDE / "figures" / "performance-split.png"
+TEMPLATE = Path(__file__).parent / "performance.md.in"
+
+# The authors' C++ program, on the same kind of machine: bare steps per vehicle-step.
+AUTHORS = 13.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One target: `value` in `unit`, to be at most (or at least) `target`."""
+
+    what: str
+    value: float
+    target: float
+    unit: str = ""
+    at_most: bool = True
+    why: str = ""
+
+    @property
+    def holds(self) -> bool:
+        return self.value <= self.target if self.at_most else self.value >= self.target
+
+    def __str__(self) -> str:
+        return f"{self.what}: {_number(self.value)} {self.unit} ({self.sign} {self.target:g}) {self.verdict}"
+
+    @property
+    def sign(self) -> str:
+        return "<=" if self.at_most else ">="
+
+    @property
+    def verdict(self) -> str:
+        return "meets it" if self.holds else "**misses it**"
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def rows(found: dict[str, Any]) -> list[Row]:
+    """The targets of the project, with what was measured."""
+    table = []
+    for name, r in found["runs"].items():
+        parts = ", ".join(f"{kind} {r['parts'][kind]:.2f}" for kind in KINDS)
+        table.append(Row(f"{name}: flight", r["ratio"], r["target"], "x its bare steps", why=parts))
+    fresh = found["fresh"]["times"]
+    table.append(Row("the same filter steps, faster than a fresh OSQP each", fresh, 8.0, "x", False))
+    for mode, targets in (("limited", {20: 65, 100: 650}), ("centralised", {20: 330, 50: 2700})):
+        for cost in found[mode]:
+            if cost["vehicles"] in targets:
+                what = f"filter step, {mode}, {cost['vehicles']} vehicles active"
+                target = targets[cost["vehicles"]]
+                table.append(Row(what, cost["bare_steps"], target, "bare steps"))
+    between = [c for c in found["limited"] if c["vehicles"] in (20, 100)]
+    table.append(Row("growth exponent in k, limited, 20 to 100", exponent(between), 2.0))
+    failed = sum(c["unsolved"] for c in found["centralised"])
+    table.append(Row("centralised QPs unsolved", failed, 0.0, "vehicles"))
+    m = found["memory"]
+    what = f"memory, {m['vehicles']} X8s, {m['duration_s']:g} s"
+    table.append(Row(f"{what}: peak", m["peak_mb"], 600.0, "MB"))
+    table.append(Row(f"{what}: growth in its second half", m["growth_mb_per_min"], 10.0, "MB/min"))
+    table.append(Row("`testbed --help`", found["starting"]["help_s"], 0.35, "s"))
+    table.append(Row("`import filters`", found["starting"]["import_s"], 0.25, "s"))
+    if found["campaign"]:
+        two = found["campaign"]["campaigns"][-1]
+        cores = f"the two workers had {two['cores']:.2f} cores between them"
+        table.append(Row("campaign, 2 workers over 1", two["speedup"], 1.8, "x", False, why=cores))
+    return table
+
+
+def write(found: dict[str, Any]) -> None:
+    """The page, its data and its figure."""
+    DATA.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    table = rows(found)
+    with TABLE.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["what", "value", "unit", "bound", "target", "holds"])
+        for r in table:
+            bound = "at most" if r.at_most else "at least"
+            out.writerow([r.what, f"{r.value:.4g}", r.unit, bound, f"{r.target:g}", r.holds])
+    _figure(found["split"])
+    PAGE_FILE.write_text(_page(found, table), encoding="utf-8")
+
+
+def _page(found: dict[str, Any], table: list[Row]) -> str:
+    lines = [
+        f"| {r.what} | {_number(r.value)} {r.unit} | {r.sign} {r.target:g} | {r.verdict} |" for r in table
+    ]
+    misses = [f"- {r.what}: {r.why or 'see below'}." for r in table if not r.holds]
+    m, versions = found["machine"], found["machine"]["versions"]
+    names = ", ".join(f"{name} {versions[name]}" for name in ("python", "jsbsim", "numpy", "daqp", "osqp"))
+    bare = found["bare_us"]
+    starts = [
+        f"| {name} | {r['ratio']:.2f} | {r['start_s']:.2f} s | {r['with_start']:.2f} |"
+        for name, r in found["runs"].items()
+    ]
+    kinds = [
+        f"| {row['vehicles']} | " + " | ".join(_number(row[kind]) for kind in KINDS) + " |"
+        for row in found["split"]
+    ]
+    unicycle = found["runs"]["paper-20-turn on unicycles"]
+    at_100 = found["split"][-1]
+    whole = sum(at_100[kind] for kind in KINDS)
+    return TEMPLATE.read_text(encoding="utf-8").format(
+        machine=f"{m['processor']}, {m['cores']} cores, {m['system']}; {names}",
+        load=m["load"],
+        bare=f"{median(bare):.1f}",
+        bare_least=f"{min(bare):.1f}",
+        bare_most=f"{max(bare):.1f}",
+        table="\n".join(lines),
+        misses="\n".join(misses) or "None.",
+        starts="\n".join(starts),
+        kinds="\n".join(kinds),
+        kind_names=" | ".join(KINDS),
+        rules="---|" * len(KINDS),
+        unicycle=f"{unicycle['ratio']:.1f}",
+        authors=f"{AUTHORS:g}",
+        authors_times=f"{AUTHORS / unicycle['ratio']:.1f}",
+        fresh=f"{found['fresh']['fresh']:.0f}",
+        ours=f"{found['fresh']['ours_mean']:.1f}",
+        fresh_times=f"{found['fresh']['times']:.0f}",
+        largest=at_100["vehicles"],
+        fdm_share=f"{100 * at_100['FDM'] / whole:.0f}",
+        **_beyond(found),
+    )
+
+
+def _beyond(found: dict[str, Any]) -> dict[str, str]:
+    """What 1,000 vehicles and 1,000,000 runs would take, carried on from what was measured."""
+    us = median(found["bare_us"])
+    row = found["split"][-1]
+    k = row["vehicles"]
+    grown = {kind: row[kind] * (1000 / k) ** (1 if kind in ("FDM", "rest") else 2) for kind in KINDS}
+    by_pairs = sum(grown[kind] for kind in ("barrier", "QP", "recording"))
+    # 20 Hz: twenty filter steps a second.
+    seconds = 20 * 1e-6 * us * sum(grown.values())
+    short = found["runs"]["2 X8s, filter 20 Hz, centralised"]
+    one = short["start_s"] + short["ratio"] * 2 * 4000 * 1e-6 * us
+    return {
+        "thousand_seconds": _number(seconds),
+        "thousand_pairs": f"{1000 * 999 // 2:,}",
+        "thousand_filter": f"{100 * by_pairs / sum(grown.values()):.0f}",
+        "run_s": f"{one:.2f}",
+        "million_days": _number(1e6 * one / 86400),
+    }
+
+
+def _figure(split: list[dict[str, float]]) -> None:
+    """Cost of a filter step against the number of vehicles, by kind, with the slopes of k and k^2."""
+    with drawing() as pyplot:
+        figure, axes = pyplot.subplots(figsize=(0.6 * PAGE, 3.2))
+        k = [row["vehicles"] for row in split]
+        for kind, mark in zip(KINDS, "osd^v", strict=True):
+            axes.loglog(k, [row[kind] for row in split], marker=mark, markersize=3.5, label=kind)
+        first = split[0]["FDM"]
+        axes.loglog(k, [first * n / k[0] for n in k], color="0.6", linestyle=":", linewidth=0.8)
+        axes.set_xlabel("vehicles k")
+        axes.set_ylabel("bare steps per filter step")
+        axes.set_xticks(k, [str(n) for n in k])
+        axes.minorticks_off()
+        axes.set_title("X8s meeting, filter and recording at 20 Hz, limited communication")
+        axes.legend()
+        figure.tight_layout()
+        figure.savefig(FIGURE, dpi=160)

@@ -1,0 +1,92 @@
+"""Whole runs in bare steps, and where their time goes as the number of vehicles grows."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from aircraft.fleet import JsbsimFleet
+from aircraft.kinematic import KinematicFleet
+from benchmarks.clock import BareStep, Shares, clock, flight
+from filters.collision import CollisionFilter
+from testbed import scenario, simulate
+from testbed.record import Recorder
+from testbed.scenario import Scenario
+from testbed.stretch import Stretch
+from testbed.watch import Watch
+
+X8 = ["plant=jsbsim", "duration_s=20", "record_dt_s=0.05", "lookahead_m=10", "manoeuvre_instants=0"]
+
+# name -> (built-in scenario, changes, target in multiples of the run's bare steps)
+RUNS: dict[str, tuple[str, list[str], float]] = {
+    "20 X8s, filter 20 Hz, limited": ("paper-20-turn", [*X8, "filter_dt_s=0.05"], 1.35),
+    "20 X8s, filter 200 Hz, limited": ("paper-20-turn", X8, 3.0),
+    "2 X8s, filter 20 Hz, centralised": ("paper-2-turn", [*X8, "filter_dt_s=0.05"], 2.0),
+    "2 X8s, filter 200 Hz, centralised": ("paper-2-turn", X8, 8.0),
+    "paper-20-turn on unicycles": ("paper-20-turn", ["manoeuvre_instants=0"], 3.0),
+}
+
+KINDS = ("FDM", "barrier", "QP", "recording", "rest")
+
+
+def whole_run(name: str, bare: BareStep, place: Path, goes: int) -> dict[str, Any]:
+    """One row: the flight's ratio to its bare steps, and that of the run with start-up and files."""
+    source, changes, target = RUNS[name]
+    s = scenario.load(source, changes)
+    f = flight(s, bare, place, goes)
+    return {
+        "ratio": (f.steps + f.finish) / f.bare,
+        "with_start": (f.start + f.steps + f.finish) / f.bare,
+        "start_s": f.start,
+        "finish_s": f.finish,
+        "us_per_filter_step": 1e6 * f.steps / f.filter_steps,
+        "vehicle_steps": s.vehicles * s.filter_steps,
+        "target": target,
+        "parts": {kind: seconds / f.bare for kind, seconds in _parts(s).items()},
+    }
+
+
+def split(vehicles: int, bare: BareStep, duration_s: float) -> dict[str, float]:
+    """Bare steps per filter step of X8s that meet on a circle, filter and recording at 20 Hz, by kind."""
+    s = scenario.load(
+        "paper-20-turn",
+        [
+            *X8,
+            f"duration_s={duration_s}",
+            "filter_dt_s=0.05",
+            f"vehicles={vehicles}",
+            f"start.radius_m={max(200, 4 * vehicles)}",
+            "barrier.delta_m2=0",
+            "barrier.smoothing_m2=30",
+        ],
+    )
+    bare.measure()
+    parts = _parts(s)
+    bare.measure()
+    unit = bare.seconds * s.filter_steps
+    return {"vehicles": vehicles, **{kind: parts[kind] / unit for kind in KINDS}}
+
+
+def _parts(s: Scenario) -> dict[str, float]:
+    """Seconds of one flight by kind; the barrier's are its rows, the QP's what else the filter does."""
+    stamps: list[float] = []
+    shares = Shares()
+    with shares.of(
+        FDM=(KinematicFleet if s.plant == "unicycle" else JsbsimFleet, "step"),
+        barrier=(CollisionFilter, "rows"),
+        QP=(CollisionFilter, "__call__"),
+        recording=(Watch, "look"),
+        gathering=(Stretch, "add"),
+        writing=(Recorder, "close"),
+    ):
+        simulate.run(s, force=True, progress=lambda t, end: stamps.append(clock()))
+        whole = clock() - stamps[0]
+    seconds = dict(shares.seconds)
+    seconds["recording"] += seconds.pop("gathering") + seconds.pop("writing")
+    return seconds | {"rest": whole - sum(seconds.values())}
+
+
+def progress(text: str) -> None:
+    """A line on stderr."""
+    print(text, file=sys.stderr, flush=True)
