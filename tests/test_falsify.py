@@ -302,8 +302,8 @@ def test_the_file_written_violates_by_the_very_value_found(
 ) -> None:
     out = tmp_path / "found"
     sets = [x for s in QUICK for x in ("--set", s)]
-    arguments = ("--wind", 0, "--latency", 0.5, "--budget", 40, "--workers", 1, "--out", out, "--json")
-    assert call("falsify", "paper-2-turn", *sets, *arguments) == 0
+    arguments = ("--lateral", 0, "--height", 0, "--wind", 0, "--latency", 0.5, "--budget", 12)
+    assert call("falsify", "paper-2-turn", *sets, *arguments, "--workers", 1, "--out", out, "--json") == 0
     told = json.loads(capsys.readouterr().out)
     data = json.loads((out / "falsify.json").read_text())
     assert told["violated"] and data["violated"] and data["departures"]
@@ -319,6 +319,22 @@ def test_the_file_written_violates_by_the_very_value_found(
     again = json.loads(capsys.readouterr().out)
     assert again["flights"] == 1 and again["departures"] == []
     assert again["result"]["value"] == entry["value"]
+
+
+@pytest.mark.slow
+def test_one_metre_aside_costs_twenty_unicycles_ds_by_the_kink_alone() -> None:
+    """What the search shrank paper-20-turn to; the smoothed barrier bears the same start."""
+    file = Path(__file__).parent.parent / "docs/guide/data/falsify/kink.toml"
+    short = ["duration_s=12", "manoeuvre_instants=0", "record_dt_s=1"]
+    found = run(load(file, short))
+    assert sum(map(abs, load(file).start.lateral_offsets_m)) == 1.0
+    assert found.guarantee("separation")["value"] == pytest.approx(3.523, abs=0.3)  # which way it chatters
+    assert found.guarantee("qp-feasibility")["value"] == 0
+    assert found.guarantee("rows-satisfied")["verdict"] == "holds"
+    smoothed = run(load(file, [*short, "barrier.smoothing_m2=30", "delta_m2=0"]))
+    assert smoothed.guarantee("separation")["value"] == pytest.approx(6.10, abs=0.02)
+    plain = run(load(file, [*short, "lateral_offsets_m=[]"]))
+    assert plain.guarantee("separation")["value"] == pytest.approx(6.08, abs=0.01)
 
 
 def test_mistakes_are_one_line(call: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:

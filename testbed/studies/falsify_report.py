@@ -41,7 +41,7 @@ def write(result: Falsified, out: Path, overwrite: bool) -> Found:
         figures.margins(result, entry["unit"], folder)
         figures.counterexample(again, result.guarantee, folder)
         write_json(folder / "falsify.json", data | {"scenario": s.model_dump(mode="json")})
-    rows = [_printed(row) for row in result.space.values(shown.x)]
+    rows = [_printed(row) for row in result.space.values(shown.x) if shown.violated or _close(row, shown)]
     return Found(out, _title(result, shown, again), rows, sentences(data), data)
 
 
@@ -138,6 +138,11 @@ def _title(result: Falsified, shown: Flight, run: Run) -> str:
     what = "smallest departures found that violate" if shown.violated else "departures of the least margin"
     s = result.space.scenario
     return f"{s.name} on {s.plant}: {what} {result.guarantee} ({shown.value:.4g} {unit})"
+
+
+def _close(row: dict[str, Any], shown: Flight) -> bool:
+    """Of a search that found nothing, the departures of the closest pair and the weather are printed."""
+    return row.get("vehicle") is None or row["vehicle"] in shown.vehicles
 
 
 def _printed(row: dict[str, Any]) -> dict[str, Any]:

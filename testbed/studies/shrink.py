@@ -36,9 +36,9 @@ def shrink(x: Array, kinds: Sequence[Part], parts: Sequence[Part], first: First)
     left = [p for p in parts if x[list(p)].any()]
     x = _only(x, ddmin(left, lambda trials: first([_only(x, t) for t in trials])))
     x = scale(x, [c for p in parts for c in p], first)
-    for part in parts:
-        if x[list(part)].any():
-            x = scale(x, part, first)
+    left = [p for p in parts if x[list(p)].any()]
+    for part in left if len(left) > 1 else []:
+        x = scale(x, part, first)
     return x
 
 
