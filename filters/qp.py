@@ -241,7 +241,9 @@ def _error(u: Array, y: Array, t: Array, A: Array, b: Array, lo: Array, hi: Arra
     With y >= 0 fixed the Lagrangian is least at clip(t + A' y); beside that every row needs the smaller of
     its multiplier and its slack to be zero. With unit rows all terms are in the unit of u.
     """
-    stationary = np.abs(u - np.clip(t + y @ A, lo, hi)).max(initial=0.0)
+    # A QP without a solution may have infinite multipliers; what comes of them is nan, which is not trusted.
+    with np.errstate(invalid="ignore"):
+        stationary = np.abs(u - np.clip(t + y @ A, lo, hi)).max(initial=0.0)
     return float(max(stationary, np.abs(np.minimum(y, A @ u - b)).max(initial=0.0)))
 
 

@@ -89,7 +89,9 @@ def _together(
     found, dual, _, trusted = active_set.attempt_each(t, count, unit, level, lower, upper)
     u = np.where(free, np.minimum(np.maximum(found, lower), upper), clipped)
 
-    pull = np.add.reduceat(dual[:, None] * unit, first, axis=0)
+    # A QP without a solution may have infinite multipliers; what comes of them is nan, which is not trusted.
+    with np.errstate(invalid="ignore"):
+        pull = np.add.reduceat(dual[:, None] * unit, first, axis=0)
     stationary = np.abs(u - np.minimum(np.maximum(t + pull, lower), upper)).max(axis=1)
     slack = dot(unit, taken(u, place)) - level
     fine = (np.abs(np.minimum(dual, slack)) <= qp.ACCEPT) & (norm * slack >= -qp.RESIDUAL)

@@ -107,14 +107,16 @@ def test_entries_without_a_choice_or_a_row_keep_their_value_to_the_last_bit():
         np.testing.assert_allclose(u[v], alone.u, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("lie", ["no solution", "wrong", "not a number"])
+@pytest.mark.parametrize("lie", ["no solution", "wrong", "not a number", "unbounded multipliers"])
 def test_the_active_set_solver_is_not_taken_on_trust(lie, monkeypatch):
     problems, together = by_vehicle(np.random.default_rng(9), 10)
     honest, honest_status = solve_each(*together)
 
     def liar(t, count, A, b, lo, hi):
         u = np.full(t.shape, np.nan) if lie == "not a number" else lo
-        return u, np.zeros(b.size), np.ones(len(t), dtype=int), np.full(len(t), lie != "no solution")
+        # Infinite multipliers in every other row: inf * 0, inf - inf, as daqp leaves them of a hopeless QP.
+        dual = np.where(np.arange(b.size) % 2, np.inf, 0.0) if lie == "unbounded multipliers" else 0.0 * b
+        return u, dual, np.ones(len(t), dtype=int), np.full(len(t), lie != "no solution")
 
     monkeypatch.setattr(active_set, "attempt_each", liar)
     u, status = solve_each(*together)
