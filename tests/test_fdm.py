@@ -130,7 +130,7 @@ def test_a_malformed_model_names_its_file(tmp_path):
     shutil.copytree(load("x8").folder, tmp_path / "x8")
     model = tmp_path / "x8" / "x8.xml"
     model.write_text(model.read_text().replace("</aerodynamics>", ""))
-    with pytest.raises(FdmError, match=r"x8\.xml"):
+    with pytest.raises(ValueError, match=r"x8\.xml:\d+: not well-formed"):
         Fdm(load(tmp_path / "x8"), 0.005, Origin())
 
 
