@@ -136,13 +136,13 @@ class Run:
     def _frame(self, name: str) -> pd.DataFrame:
         import pandas as pd
 
-        if name in self.tables:
+        if self.tables.get(name):
             return pd.DataFrame(self.tables[name])
-        if f"{name}.parquet" not in self.manifest.get("files", {}):
-            return pd.DataFrame()  # one vehicle has no pairs, and no table of them
+        if self.path is None or f"{name}.parquet" not in self.manifest.get("files", {}):
+            # one vehicle has no pairs, and no table of them
+            return pd.DataFrame(columns=list(PAIR_COLUMNS), dtype=float)
         from testbed.store import table
 
-        assert self.path is not None
         return table(self.path, name, self.manifest)
 
     @cached_property
