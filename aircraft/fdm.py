@@ -321,5 +321,6 @@ def motions(rows: Sequence[Sequence[float]] | Array, origin: Origin) -> tuple[Ar
     [rad/s] and climb rate [m/s], (N, 3)."""
     rows = np.asarray(rows, dtype=float)
     east, north = origin.horizontal(rows[:, :3] * M_PER_FT).T
-    rates = np.stack([np.hypot(east, north), rows[:, 4], rows[:, 3] * M_PER_FT], axis=-1)
+    rates = np.empty((len(rows), 3))
+    rates[:, 0], rates[:, 1], rates[:, 2] = np.hypot(east, north), rows[:, 4], rows[:, 3] * M_PER_FT
     return np.arctan2(north, east), rates

@@ -76,7 +76,7 @@ class JsbsimFleet:
         self._position = positions([f.position() for f in self._vehicles], self.origin)
         self._theta = state.theta.astype(float).copy()
         self._rates = np.zeros((len(state), 3))
-        self._move(np.ones(len(state), dtype=bool))
+        self._move([True] * len(state))
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
         """Fly `command` (N,) for n periods in `wind` (N, 3); returns positions (n, N, 3). NaN is refused."""
@@ -99,16 +99,15 @@ class JsbsimFleet:
             track = np.tile(self._position, (n, 1, 1))
             if rows:
                 track[:, flying] = positions(rows, self.origin).swapaxes(0, 1)
-        self._end_flights(track, np.array(flying))
+        self._end_flights(track, flying)
         self._position = track[-1].copy()
         return track
 
-    def _end_flights(self, track: Array, flying: NDArray[np.bool_]) -> None:
+    def _end_flights(self, track: Array, flying: list[bool]) -> None:
         """Note new faults; a vehicle that has one stays at its last finite position, `track` says so too."""
         self._move(flying)
-        lost = [
-            self._lost(i, len(track) * self.dt) if well else "" for i, well in enumerate(flying.tolist())
-        ]
+        period = len(track) * self.dt
+        lost = [self._lost(i, period) if well else "" for i, well in enumerate(flying)]
         if not any(lost) and np.isfinite(track).all() and np.isfinite(self._rates).all():
             return
         finite: NDArray[np.bool_] = np.asarray(np.isfinite(track).all(axis=2))
@@ -134,17 +133,17 @@ class JsbsimFleet:
         self._stalled_s[i] = self._stalled_s[i] + period if alpha > self._stall[i] else 0.0
         return "stall" if self._stalled_s[i] > _STALL_S else ""
 
-    def _move(self, flying: NDArray[np.bool_]) -> None:
+    def _move(self, flying: list[bool]) -> None:
         """Take course, counting turns, and rates from the vehicles that fly."""
         self._last_theta = self._theta.copy()
-        if not flying.any():
+        if not any(flying):
             return
         # All of them, nearly always: a slice is much cheaper than a mask.
-        which = slice(None) if flying.all() else flying
-        rows = [f.motion() for f, well in zip(self._vehicles, flying.tolist(), strict=True) if well]
+        which = slice(None) if all(flying) else np.array(flying)
+        rows = [f.motion() for f, well in zip(self._vehicles, flying, strict=True) if well]
         course, self._rates[which] = motions(rows, self.origin)
         turned = course - self._theta[which]
-        self._theta[which] += turned - 2 * np.pi * np.round(turned / (2 * np.pi))
+        self._theta[which] += turned - 2 * np.pi * np.rint(turned / (2 * np.pi))
 
     def state(self) -> State:
         """Poses (N,): course and east-north-up position, the truth."""

@@ -42,7 +42,7 @@ class Status(enum.IntEnum):
 
     NONE             no QP stands behind this input (the filter has none).
     SOLVED           the optimum; every row and the box hold within `RESIDUAL`.
-    INFEASIBLE       a linear program confirmed that no input in the box satisfies every row.
+    INFEASIBLE       no input in the box satisfies every row: a linear program, or multipliers, proved it.
     ITERATION_LIMIT  an input exists but was not found: report the arguments, it should not happen.
     """
 

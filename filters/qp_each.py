@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from filters import active_set, qp
+from filters.infeasible import impossible
 from filters.qp import Solver, Status
 from filters.rows import dot, taken
 
@@ -23,12 +24,15 @@ def solve_each(
     lower: Array,
     upper: Array,
     solver: Solver = "auto",
+    fallback: Array | None = None,
 ) -> tuple[Array, NDArray[np.int_]]:
     """The inputs nearest to each vehicle's target inside its box and above its rows: `qp.solve` for each.
 
     target, lower, upper  (N, 3)
     owner      (R,)            whose row it is, from 0
     rows, rhs  (R, 3), (R,)
+    fallback   (N, 3) inputs of those whose QP has no solution; None is what `qp.solve` gives, for which
+               infeasible QPs take several times longer
     Returns u (N, 3) and `qp.Status` (N,); who owns no row gets its clipped target, SOLVED.
     Raises  ValueError as `qp.solve`.
     """
@@ -52,6 +56,9 @@ def solve_each(
         end = np.cumsum(count)
         for k in np.flatnonzero(~solved):
             v, own = who[k], slice(end[k] - count[k], end[k])
+            if fallback is not None and proper and impossible(rows[own], rhs[own], lower[v], upper[v]):
+                u[v], status[v] = fallback[v], int(Status.INFEASIBLE)
+                continue
             solution = qp.solve(target[v], rows[own], rhs[own], lower[v], upper[v], solver)
             u[v], status[v] = solution.u, int(solution.status)
     return u, status

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 from importlib import metadata
 from math import radians
 from typing import TYPE_CHECKING, Any
@@ -229,8 +230,13 @@ def airframe_hashes(s: Scenario) -> dict[str, str]:
 
 def versions() -> dict[str, str]:
     """Versions of everything a number in a run depends on."""
-    packages = {name: metadata.version(name) for name in PACKAGES}
     return {
-        "cbf-jsbsim-testbed": metadata.version("cbf-jsbsim-testbed"),
+        "cbf-jsbsim-testbed": _version("cbf-jsbsim-testbed"),
         "python": platform.python_version(),
-    } | packages
+    } | {name: _version(name) for name in PACKAGES}
+
+
+@cache
+def _version(package: str) -> str:
+    # Reading all of them takes as long as flying two aircraft for three seconds.
+    return metadata.version(package)

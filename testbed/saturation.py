@@ -22,7 +22,9 @@ class Saturation:
     """
 
     def __init__(self, airframes: Sequence[Airframe] = ()) -> None:
-        stops = [travel(a) for a in airframes]
+        # Aircraft of one airframe share the object: its files are read once.
+        known = {id(a): travel(a) for a in {id(a): a for a in airframes}.values()}
+        stops = [known[id(a)] for a in airframes]
         names = dict.fromkeys(name for of in stops for name in of)
         unknown = (np.nan, np.nan)
         self._stops = {name: np.array([of.get(name, unknown) for of in stops]).T for name in names}

@@ -26,5 +26,6 @@ def straight_s(
     pace = np.zeros(len(start))
     for k in range(POINTS):
         x, y, z = (start + ahead * ((k + 0.5) / POINTS * left)[:, None]).T
-        pace += 1.0 / limits.clip(nominal(0.0, State(x, y, theta, z))).v
+        wanted = nominal(0.0, State(x, y, theta, z)).v
+        pace += 1.0 / np.minimum(np.maximum(wanted, limits.v_min), limits.v_max)
     return np.asarray(pace / POINTS * left)
