@@ -310,7 +310,7 @@ class Fdm:
         return now
 
 
-def positions(rows: Sequence[Sequence[float]] | Array, origin: Origin) -> Array:
+def positions(rows: Sequence[Sequence[float] | Sequence[Sequence[float]]] | Array, origin: Origin) -> Array:
     """Rows of `Fdm.run` or `Fdm.position`, (..., 4), as east-north-up positions [m], (..., 3)."""
     metres = np.asarray(rows, dtype=float) * M_PER_FT
     return origin.enu(metres[..., :3], metres[..., 3])

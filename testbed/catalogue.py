@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from functools import cache
 from importlib import metadata
 from math import radians
@@ -67,16 +68,14 @@ def _rollout(s: Scenario) -> Barrier:
     from filters.rollout import RolloutBarrier
 
     m = s.barrier.manoeuvres * (s.vehicles if len(s.barrier.manoeuvres) == 1 else 1)
-    gamma = Command(*([getattr(q, name) for q in m] for name in ("v_mps", "omega_degps", "zeta_mps")))
-    return RolloutBarrier(
-        Command(gamma.v, np.radians(gamma.omega), gamma.zeta), s.d_safe_m, form=s.barrier.form
-    )
+    v, omega, zeta = np.array([[q.v_mps, q.omega_degps, q.zeta_mps] for q in m]).T
+    return RolloutBarrier(Command(v, np.radians(omega), zeta), s.d_safe_m, form=s.barrier.form)
 
 
 def _euclidean(s: Scenario) -> Barrier:
     # The Euclidean distance needs no manoeuvre; the turn is what a vehicle flies when the QP has no solution.
     b = s.barrier
-    return EuclideanBarrier(s.d_safe_m, b.form, gamma=Command(b.v_mps, radians(b.omega_degps), 0.0))
+    return EuclideanBarrier(s.d_safe_m, b.form, gamma=Command.of([b.v_mps, radians(b.omega_degps), 0.0]))
 
 
 def _per_vehicle(values: float | list[float], s: Scenario) -> Array:
@@ -100,7 +99,7 @@ def barrier(s: Scenario) -> Barrier:
 def alpha(s: Scenario) -> OddPolynomial:
     a = s.alpha
     if a.kind == "odd-polynomial":
-        return OddPolynomial(a.coefficients)
+        return OddPolynomial(tuple(a.coefficients))
     return {"linear": linear, "cubic": cubic}[a.kind](a.coefficient)
 
 
@@ -157,7 +156,7 @@ def filter_(s: Scenario, b: Barrier, goal: Array) -> Filter:
     return remedies.wrap(s, FILTERS[s.filter.kind](s, own, goal), own, lags)
 
 
-NOMINALS = {
+NOMINALS: dict[str, Callable[[Scenario, Array, Barrier], NominalController]] = {
     "near-identity": lambda s, goal, b: NearIdentity(goal, s.nominal.lookahead_m, s.nominal.gain_per_s),
     "manoeuvre": lambda s, goal, b: Constant(b.manoeuvre(s.vehicles)),
 }

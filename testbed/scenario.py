@@ -33,7 +33,7 @@ from testbed.sections import (
     Start,
 )
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION: Literal[1] = 1
 
 
 class Scenario(Section):

@@ -53,7 +53,7 @@ class Watch:
         self.tally.decided(
             s.t[new], self.dt, s.command[new], s.wanted[new], s.rates[new], s.override[new], self.limits
         )
-        inside = (s.h[new] >= 0.0).all(axis=-1)
+        inside = np.asarray((s.h[new] >= 0.0).all(axis=-1))
         self.tally.solved(s.t[new], s.status[new], s.residual[new], inside)
         if s.i.size:
             self._look_at_pairs(new)

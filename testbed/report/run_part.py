@@ -58,13 +58,15 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
     )
 
 
-def _svg(folder: Path | None, name: str, draw: Callable[[], Figure]) -> str:
+def _svg(folder: Path | None, name: str, draw: Callable[[], Figure | None]) -> str:
     """The figure's markup, from the folder if it was drawn there."""
     file = folder / "figures" / f"{name}.svg" if folder is not None else None
     if file is not None and file.is_file():
         return embed.inline(file.read_text(encoding="utf-8"))
     with drawing():
-        return embed.markup(draw())
+        figure = draw()
+        assert figure is not None, f"nothing to draw for {name}"
+        return embed.markup(figure)
 
 
 def _panels(runs: Runs, folder: Path | None) -> Picture:

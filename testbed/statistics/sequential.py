@@ -7,7 +7,7 @@ on the way; so a decision, and the interval that goes with it, are as good as `a
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -110,8 +110,8 @@ class Plan:
         found = []
         for number, runs in enumerate(self.looks, 1):
             counts, rates = range(runs + 1), partial(self._rate, number)
-            unproven = bisect_left(counts, True, key=lambda k, r=rates: r(k).high >= self.target)
-            above = bisect_left(counts, True, key=lambda k, r=rates: r(k).low > self.target)
+            unproven = bisect_left(counts, self.target, key=lambda k, r=rates: r(k).high)  # type: ignore[misc]
+            above = bisect_right(counts, self.target, key=lambda k, r=rates: r(k).low)  # type: ignore[misc]
             found.append((unproven - 1, above))
         return found
 

@@ -72,11 +72,11 @@ def falsify(search: Flights, seed: int, thorough: bool = False) -> Falsified:
     result = Falsified(space, search.guarantee, search.most, seed, search, found)
     if found is None or not found.x.any():
         return result
-    result.shrinks = Flights(space, search.guarantee, search.most, search.pool, search.work)
+    shrinks = result.shrinks = Flights(space, search.guarantee, search.most, search.pool, search.work)
     parts = [a.coordinates for a in space.atoms]
     kinds = [tuple(space.coordinates([kind]).tolist()) for kind in DROPPED]
-    small = shrink(found.x, [k for k in kinds if k], parts, lambda xs: result.shrinks.first("shrink", xs))
-    result.shrinks.first("round", [r for digits in (1, 2, 3) if (r := space.rounded(small, digits)).any()])
+    small = shrink(found.x, [k for k in kinds if k], parts, lambda xs: shrinks.first("shrink", xs))
+    shrinks.first("round", [r for digits in (1, 2, 3) if (r := space.rounded(small, digits)).any()])
     return result
 
 

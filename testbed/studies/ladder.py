@@ -160,7 +160,7 @@ def account(table: pd.DataFrame, ladder: Sequence[Rung], quantity: str, seed: in
     values = table.pivot(index="seed", columns="rung", values=quantity).astype(float).dropna()
     rng = np.random.default_rng(seed)
     steps, singles = [], np.zeros(len(values))
-    below = None
+    below: np.ndarray | None = None
     for rung in ladder:
         here = values[rung.name].to_numpy()
         only = None
