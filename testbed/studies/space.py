@@ -152,9 +152,9 @@ class Space:
             row: dict[str, Any] = {"kind": atom.kind.rpartition("_")[0], "unit": _unit(atom.kind)}
             if atom.kind == "wind_mps":
                 east, north = self._wind(own)
-                row |= {"value": hypot(east, north), "towards_deg": degrees(atan2(north, east))}
+                row |= {"value": _tidy(hypot(east, north)), "towards_deg": _tidy(degrees(atan2(north, east)))}
             else:
-                row |= {"value": float(own[0] * getattr(self.bounds, atom.kind))}
+                row |= {"value": _tidy(own[0] * getattr(self.bounds, atom.kind))}
             rows.append(row | ({"vehicle": atom.vehicle} if atom.vehicle else {}))
         return rows
 
