@@ -17,7 +17,7 @@ from filters.barrier import Barrier, all_pairs
 from filters.collision import Filter
 from filters.monitor import Monitor
 from filters.unicycle import Array, Command, Limits, State
-from testbed import catalogue, faults, guarantees, manoeuvre
+from testbed import catalogue, faults, guarantees, manoeuvre, size
 from testbed.approach import Approach
 from testbed.disturbance import Disturbance
 from testbed.errors import UserError
@@ -58,6 +58,7 @@ def run(
     Raises     UserError for a start outside the safe set, two vehicles at one place, or bad files
     """
     if out is None:
+        size.check_in_memory(scenario)
         sink = MemorySink()
         finished = _Flight(scenario, sink, force, progress, parts or Parts()).fly()
         finished.tables = sink.tables()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import ceil
 from typing import TYPE_CHECKING
 
+from testbed.errors import UserError
+
 if TYPE_CHECKING:
     from testbed.scenario import Scenario
 
@@ -36,6 +38,14 @@ def check(s: Scenario) -> None:
     if rows > MOST_ROWS:
         raise ValueError(
             f"rates.record_dt_s: {rows:.1e} rows to record, more than {MOST_ROWS:.0e}; make it longer"
+        )
+
+
+def check_in_memory(s: Scenario) -> None:
+    """UserError for a run whose tables are too large to be kept in memory."""
+    if records(s) > MOST_ROWS_IN_MEMORY:
+        raise UserError(
+            f"{records(s):.1e} rows are too many to keep in memory; give a folder, or a longer rates.record_dt_s"
         )
 
 

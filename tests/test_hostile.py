@@ -17,6 +17,7 @@ from aircraft.airframe import AIRFRAMES
 from aircraft.textfile import LARGEST_BYTES, read_toml
 from testbed.errors import UserError
 from testbed.scenario import load
+from testbed.simulate import run
 
 MODEL, SYSTEM, TOML = "x8.xml", "systems/autopilot.xml", "airframe.toml"
 
@@ -181,6 +182,12 @@ def test_memory_is_estimated_before_it_is_taken() -> None:
     late = ["vehicles=200", "network.latency_s=60", "sensing.source=sensors", "rates.record_dt_s=1"]
     with pytest.raises(UserError, match="what 200 vehicles measured in 12000 filter steps would take 27 GB"):
         load("paper-2-turn", late)
+
+
+def test_a_run_kept_in_memory_is_refused_where_only_a_disk_would_hold_it() -> None:
+    s = load("paper-2-turn", ["duration_s=86400", "checks.manoeuvre_instants=0"])
+    with pytest.raises(UserError, match=r"5\.2e\+07 rows are too many to keep in memory; give a folder"):
+        run(s)
 
 
 def test_a_scenario_file_is_an_ordinary_file_of_bounded_size(tmp_path: Path) -> None:
