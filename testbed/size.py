@@ -45,7 +45,7 @@ def check_in_memory(s: Scenario) -> None:
     """UserError for a run whose tables are too large to be kept in memory."""
     if records(s) > MOST_ROWS_IN_MEMORY:
         raise UserError(
-            f"{records(s):.1e} rows are too many to keep in memory; give a folder, or a longer rates.record_dt_s"
+            f"{records(s):.1e} rows are too many for memory; give a folder, or a longer rates.record_dt_s"
         )
 
 

@@ -186,7 +186,7 @@ def test_memory_is_estimated_before_it_is_taken() -> None:
 
 def test_a_run_kept_in_memory_is_refused_where_only_a_disk_would_hold_it() -> None:
     s = load("paper-2-turn", ["duration_s=86400", "checks.manoeuvre_instants=0"])
-    with pytest.raises(UserError, match=r"5\.2e\+07 rows are too many to keep in memory; give a folder"):
+    with pytest.raises(UserError, match=r"5\.2e\+07 rows are too many for memory; give a folder"):
         run(s)
 
 
