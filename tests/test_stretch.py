@@ -1,4 +1,4 @@
-"""Judging and recording many steps at a time changes nothing; a proof of infeasibility needs no linear program."""
+"""Judging and recording many steps at a time changes nothing; nor do proofs without a linear program."""
 
 from __future__ import annotations
 
