@@ -8,6 +8,7 @@ however far away.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -91,3 +92,19 @@ class Origin:
     def horizontal(self, velocity: Array) -> Array:
         """East and north parts (..., 2) of ECEF velocities (..., 3), m/s."""
         return np.asarray(velocity @ self.axes[:2].T)
+
+
+def positions(rows: Sequence[Sequence[float] | Sequence[Sequence[float]]] | Array, origin: Origin) -> Array:
+    """Rows of `Fdm.run` or `Fdm.position`, (..., 4), as east-north-up positions [m], (..., 3)."""
+    metres = np.asarray(rows, dtype=float) * M_PER_FT
+    return origin.enu(metres[..., :3], metres[..., 3])
+
+
+def motions(rows: Sequence[Sequence[float]] | Array, origin: Origin) -> tuple[Array, Array]:
+    """Rows of `Fdm.motion`, (N, 5), as course [rad, in (-pi, pi]], (N,), and ground speed [m/s], course rate
+    [rad/s] and climb rate [m/s], (N, 3)."""
+    rows = np.asarray(rows, dtype=float)
+    east, north = origin.horizontal(rows[:, :3] * M_PER_FT).T
+    rates = np.empty((len(rows), 3))
+    rates[:, 0], rates[:, 1], rates[:, 2] = np.hypot(east, north), rows[:, 4], rows[:, 3] * M_PER_FT
+    return np.arctan2(north, east), rates

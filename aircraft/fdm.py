@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from aircraft import starting
 from aircraft.airframe import Airframe
 from aircraft.autopilot import property_name
-from aircraft.earth import M_PER_FT, Origin, enu_axes
+from aircraft.earth import M_PER_FT, Origin, enu_axes, motions, positions
 from aircraft.lint_properties import resolve
 from aircraft.properties import NODES, TELEMETRY
 from aircraft.starting import FdmError, Start, Trim
@@ -308,19 +308,3 @@ class Fdm:
         now = {name: node.get_double_value() * k + c for name, (node, k, c) in self._telemetry.items()}
         now["heading_rad"] = math.remainder(now["heading_rad"], 2 * math.pi)
         return now
-
-
-def positions(rows: Sequence[Sequence[float] | Sequence[Sequence[float]]] | Array, origin: Origin) -> Array:
-    """Rows of `Fdm.run` or `Fdm.position`, (..., 4), as east-north-up positions [m], (..., 3)."""
-    metres = np.asarray(rows, dtype=float) * M_PER_FT
-    return origin.enu(metres[..., :3], metres[..., 3])
-
-
-def motions(rows: Sequence[Sequence[float]] | Array, origin: Origin) -> tuple[Array, Array]:
-    """Rows of `Fdm.motion`, (N, 5), as course [rad, in (-pi, pi]], (N,), and ground speed [m/s], course rate
-    [rad/s] and climb rate [m/s], (N, 3)."""
-    rows = np.asarray(rows, dtype=float)
-    east, north = origin.horizontal(rows[:, :3] * M_PER_FT).T
-    rates = np.empty((len(rows), 3))
-    rates[:, 0], rates[:, 1], rates[:, 2] = np.hypot(east, north), rows[:, 4], rows[:, 3] * M_PER_FT
-    return np.arctan2(north, east), rates

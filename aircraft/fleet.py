@@ -71,6 +71,7 @@ class JsbsimFleet:
             if self._turbulence:
                 vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
         self._faults = [""] * len(state)
+        self._alike = len({tuple(f.telemetry()) for f in self._vehicles}) == 1  # the same channels
         most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
         self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * len(state)
         self._position = positions([f.position() for f in self._vehicles], self.origin)
@@ -159,6 +160,8 @@ class JsbsimFleet:
     def telemetry(self) -> dict[str, Array]:
         """The channels of `aircraft.properties.TELEMETRY` and all surfaces, (N,); NaN where there is none."""
         rows = [f.telemetry() for f in self._vehicles]
+        if self._alike:
+            return dict(zip(rows[0], np.array([list(row.values()) for row in rows]).T.copy(), strict=True))
         names = dict.fromkeys(name for row in rows for name in row)
         return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
