@@ -61,3 +61,10 @@ def test_radians_where_degrees_are_wanted_are_named_with_what_they_are(field: st
 def test_degrees_twice_are_out_of_range() -> None:
     with pytest.raises(UserError, match="omega_max_degps: input should be less than or equal to 360"):
         load("paper-2-turn", [f"omega_max_degps={np.degrees(13)}"])
+
+
+def test_a_number_of_thousands_of_digits_is_called_that(tmp_path: Path) -> None:
+    file = tmp_path / "digits.toml"
+    file.write_text("vehicles = " + "9" * 5000)
+    with pytest.raises(UserError, match=r"digits\.toml: not valid TOML: a number with too many digits"):
+        load(file)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from testbed.errors import UserError
@@ -117,6 +117,8 @@ def test_changes_that_might_be_meant_are_flown_or_refused(tmp_path_factory, text
 VALID = document(BASES[1]).encode()
 
 
+@example(VALID + b"x = " + b"9" * 5000)
+@example(VALID + b"x = " + b"[" * 5000)
 @given(damaged(VALID))
 @cases(100)
 def test_bytes_are_a_scenario_or_refused_in_one_line(tmp_path_factory, content) -> None:  # type: ignore[no-untyped-def]
