@@ -32,7 +32,7 @@ WORDS = st.one_of(
 COMMANDS = [
     ["run", "paper-2-turn", "--set=duration_s=0.005", "--set=checks.manoeuvre_instants=0"],
     ["run", "paper-motivating", "--set=duration_s=0", "--set=checks.manoeuvre_instants=0"],
-    ["compare", "none", "--plants=unicycle"], ["remedies", "none"], ["margin", "none"], ["figures", "--out"],
+    ["compare", "none", "--plants=unicycle"], ["remedies", "none"], ["margin", "none"], ["figures"],
     ["answer", "--vehicles=x"], ["tune", "none"], ["list"], ["schema"], ["aircraft", "list"],
     ["aircraft", "check"], ["aircraft", "describe", "none"], ["report", "none"], ["export", "none"],
     ["campaign", "run", "none"], ["campaign", "status", "none"], ["ledger", "none"], ["falsify", "none"], [],
@@ -46,7 +46,7 @@ def test_any_command_line_is_answered(
 ) -> None:
     here = tmp_path_factory.mktemp("cli")
     if command[:1] == ["figures"]:
-        words = ["--plant=none"]
+        words = [f"--set={word}" for word in words] + ["--out=f", "--plant=none"]
     said, told = io.StringIO(), io.StringIO()
     before, arguments = Path.cwd(), sys.argv
     code = 0
