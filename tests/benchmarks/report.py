@@ -76,7 +76,7 @@ def rows(found: dict[str, Any]) -> list[Row]:
     m = found["memory"]
     what = f"memory, {m['vehicles']} X8s, {m['duration_s']:g} s"
     table.append(Row(f"{what}: peak", m["peak_mb"], 600.0, "MB"))
-    table.append(Row(f"{what}: growth in its second half", m["growth_mb_per_min"], 10.0, "MB/min"))
+    table.append(Row(f"{what}: growth in its last third", m["growth_mb_per_min"], 10.0, "MB/min"))
     table.append(Row("`testbed --help`", found["starting"]["help_s"], 0.35, "s"))
     table.append(Row("`import filters`", found["starting"]["import_s"], 0.25, "s"))
     if found["campaign"]:
@@ -97,14 +97,14 @@ def write(found: dict[str, Any]) -> None:
             bound = "at most" if r.at_most else "at least"
             out.writerow([r.what, f"{r.value:.4g}", r.unit, bound, f"{r.target:g}", r.holds])
     _figure(found["split"])
-    PAGE_FILE.write_text(_page(found, table), encoding="utf-8")
+    PAGE_FILE.write_text(page(found, table), encoding="utf-8")
 
 
-def _page(found: dict[str, Any], table: list[Row]) -> str:
+def page(found: dict[str, Any], table: list[Row]) -> str:
     lines = [
         f"| {r.what} | {_number(r.value)} {r.unit} | {r.sign} {r.target:g} | {r.verdict} |" for r in table
     ]
-    misses = [f"- {r.what}: {r.why or 'see below'}." for r in table if not r.holds]
+    misses = [f"- {r.what}: {r.why or 'nothing known'}." for r in table if not r.holds]
     m, versions = found["machine"], found["machine"]["versions"]
     names = ", ".join(f"{name} {versions[name]}" for name in ("python", "jsbsim", "numpy", "daqp", "osqp"))
     bare = found["bare_us"]
@@ -137,6 +137,7 @@ def _page(found: dict[str, Any], table: list[Row]) -> str:
         fresh=f"{found['fresh']['fresh']:.0f}",
         ours=f"{found['fresh']['ours_mean']:.1f}",
         fresh_times=f"{found['fresh']['times']:.0f}",
+        apart=f"{found['fresh']['apart']:.0e}",
         largest=at_100["vehicles"],
         fdm_share=f"{100 * at_100['FDM'] / whole:.0f}",
         **_beyond(found),
@@ -176,7 +177,7 @@ def _figure(split: list[dict[str, float]]) -> None:
         axes.set_ylabel("bare steps per filter step")
         axes.set_xticks(k, [str(n) for n in k])
         axes.minorticks_off()
-        axes.set_title("X8s meeting, filter and recording at 20 Hz, limited communication")
+        axes.set_title("X8s meeting, filter at 20 Hz")
         axes.legend()
         figure.tight_layout()
         figure.savefig(FIGURE, dpi=160)

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,6 +126,21 @@ def _fresh(barrier: ForwardDifference, filter_: CollisionFilter, m: Moment, vehi
     return np.asarray(solver.solve(raise_error=False).x)
 
 
+@contextmanager
+def _silent() -> Iterator[None]:
+    """OSQP's library prints that there is nothing to polish whatever it is told."""
+    sys.stdout.flush()
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        yield
+    finally:
+        ctypes.CDLL(None).fflush(None)
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
+
+
 def against_fresh_osqp(bare: BareStep, moments: int) -> dict[str, float]:
     """Filter steps spread over `paper-20-turn` on unicycles, both ways, in bare steps per vehicle-step."""
     s = scenario.load("paper-20-turn")
@@ -139,7 +159,8 @@ def against_fresh_osqp(bare: BareStep, moments: int) -> dict[str, float]:
         if k % every == every // 2:
             ours.append(least(lambda m=m: filter_(m.view, m.nominal, m.limits), 5))  # type: ignore[misc]
             began = clock()
-            found = np.array([_fresh(differenced, filter_, m, v) for v in range(s.vehicles)])
+            with _silent():
+                found = np.array([_fresh(differenced, filter_, m, v) for v in range(s.vehicles)])
             fresh.append(clock() - began)
             solved = decision.status == Status.SOLVED
             apart.append(np.abs(found - decision.command.array())[solved].max(initial=0.0))
@@ -151,6 +172,6 @@ def against_fresh_osqp(bare: BareStep, moments: int) -> dict[str, float]:
         "ours_mean": float(np.mean(ours)) / unit,
         "fresh": float(np.median(fresh)) / unit,
         "times": float(np.mean(fresh) / np.mean(ours)),
-        "apart": float(np.median(apart)),
+        "apart": float(np.max(apart)),
         "moments": len(ours),
     }
