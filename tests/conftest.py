@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable
 
 import pytest
 
 from testbed import cli
+
+
+def pytest_configure() -> None:
+    """Signals as a terminal's programs have them: what is started in the background may inherit them ignored,
+    and pass that on to the programs the tests start."""
+    for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @pytest.fixture
