@@ -187,7 +187,7 @@ class _Flight:
 def _keep_freed_memory() -> None:
     """Let what one step frees serve the next: otherwise every large array is mapped anew, page by page."""
     # glibc keeps blocks up to the size of the largest mapped one ever freed, 32 MiB at most. With 100
-    # vehicles that halves a filter step; elsewhere it does nothing.
+    # vehicles that halves the barrier's time; elsewhere it does nothing.
     np.empty(31 << 20, dtype=np.uint8)
 
 

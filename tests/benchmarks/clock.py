@@ -54,6 +54,22 @@ class BareStep:
         return median(self.measured)
 
 
+def in_turn(vehicles: int, periods: int) -> float:
+    """Seconds of one `run()` when that many X8s take turns of `periods` each and nothing else happens."""
+    airframe, origin = load("x8"), Origin()
+    fleet = [Fdm(airframe, 0.005, origin) for _ in range(vehicles)]
+    for k, fdm in enumerate(fleet):
+        fdm.start(Start(50.0 * k, 0.0, 0.0, 0.0, 20.0))
+    steps = [fdm._fdm.run for fdm in fleet]
+
+    def turn() -> None:
+        for step in steps:
+            for _ in range(periods):
+                step()
+
+    return least(turn, 40, max(1, 20 // periods)) / (vehicles * periods)
+
+
 @dataclass
 class Flight:
     """What a run took, each filter step being the least of the same step over several runs.

@@ -60,6 +60,8 @@ def rows(found: dict[str, Any]) -> list[Row]:
     table = []
     for name, r in found["runs"].items():
         parts = ", ".join(f"{kind} {r['parts'][kind]:.2f}" for kind in KINDS)
+        if r["in_turn"]:
+            parts += f"; JSBSim alone, these aircraft stepped in turn, {r['in_turn']:.2f}"
         table.append(Row(f"{name}: flight", r["ratio"], r["target"], "x its bare steps", why=parts))
     fresh = found["fresh"]["times"]
     table.append(Row("the same filter steps, faster than a fresh OSQP each", fresh, 8.0, "x", False))
@@ -68,7 +70,8 @@ def rows(found: dict[str, Any]) -> list[Row]:
             if cost["vehicles"] in targets:
                 what = f"filter step, {mode}, {cost['vehicles']} vehicles active"
                 target = targets[cost["vehicles"]]
-                table.append(Row(what, cost["bare_steps"], target, "bare steps"))
+                why = "numpy's calls on few numbers, then the solver's; more on a busy machine"
+                table.append(Row(what, cost["bare_steps"], target, "bare steps", why=why))
     between = [c for c in found["limited"] if c["vehicles"] in (20, 100)]
     table.append(Row("growth exponent in k, limited, 20 to 100", exponent(between), 2.0))
     failed = sum(c["unsolved"] for c in found["centralised"])
@@ -104,7 +107,7 @@ def page(found: dict[str, Any], table: list[Row]) -> str:
     lines = [
         f"| {r.what} | {_number(r.value)} {r.unit} | {r.sign} {r.target:g} | {r.verdict} |" for r in table
     ]
-    misses = [f"- {r.what}: {r.why or 'nothing known'}." for r in table if not r.holds]
+    misses = [f"- {r.what}: {r.why or 'no cause was measured'}." for r in table if not r.holds]
     m, versions = found["machine"], found["machine"]["versions"]
     names = ", ".join(f"{name} {versions[name]}" for name in ("python", "jsbsim", "numpy", "daqp", "osqp"))
     bare = found["bare_us"]

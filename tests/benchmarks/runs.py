@@ -8,7 +8,7 @@ from typing import Any
 
 from aircraft.fleet import JsbsimFleet
 from aircraft.kinematic import KinematicFleet
-from benchmarks.clock import BareStep, Shares, clock, flight
+from benchmarks.clock import BareStep, Shares, clock, flight, in_turn
 from filters.collision import CollisionFilter
 from testbed import scenario, simulate
 from testbed.record import Recorder
@@ -43,6 +43,7 @@ def whole_run(name: str, bare: BareStep, place: Path, goes: int) -> dict[str, An
         "us_per_filter_step": 1e6 * f.steps / f.filter_steps,
         "vehicle_steps": s.vehicles * s.filter_steps,
         "target": target,
+        "in_turn": in_turn(s.vehicles, s.rates.fdm_steps) / bare.seconds if s.plant == "jsbsim" else 0.0,
         "parts": {kind: seconds / f.bare for kind, seconds in _parts(s).items()},
     }
 
