@@ -112,9 +112,7 @@ def compare(
     first = next(iter(scenarios.values()))
     where = out or Path("runs") / f"{first.name}-compare"
     with progress() as bar:
-        result = fly_all(
-            scenarios, where, force=force, overwrite=overwrite, progress=bar, report=report
-        )
+        result = fly_all(scenarios, where, force=force, overwrite=overwrite, progress=bar, report=report)
     if as_json:
         print(json.dumps(result.summary(), indent=2))
         return

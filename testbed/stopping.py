@@ -8,11 +8,13 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import Any
 
 from testbed.errors import UserError
 
 # Ctrl-C, a polite kill, a closed terminal: all clean up the same way.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_AGAIN_S = 0.2
 
 
 class StoppedError(BaseException):
@@ -46,14 +48,23 @@ def ending(command: Callable[[], object]) -> None:
 
 @contextmanager
 def _listening() -> Iterator[None]:
-    """Signals raise StoppedError, once: a second one may not interrupt the cleaning up."""
+    """Signals raise StoppedError until it is being handled: nothing may interrupt the cleaning up."""
+    first = 0
+    before: dict[signal.Signals, Any] = {}
 
     def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal first
+        if not first:
+            first = number
+            before[signal.SIGALRM] = signal.signal(signal.SIGALRM, stop)
         for other in SIGNALS:
             signal.signal(other, signal.SIG_IGN)
-        raise StoppedError(number)
+        # What is raised inside a destructor, a callback of C or an import that catches everything (as
+        # numpy.random's does) is lost without a trace: ask again until it is being handled.
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+        if not _handled():
+            raise StoppedError(first)
 
-    before = {}
     with suppress(ValueError):  # not in the main thread, where no signal arrives either
         for number in SIGNALS:
             # Started with nohup, or in the background of a script: left ignored, as asked.
@@ -62,8 +73,18 @@ def _listening() -> Iterator[None]:
     try:
         yield
     finally:
+        if first:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _handled() -> bool:
+    """Whether a StoppedError is being handled, by an except or finally clause or the end of a with block."""
+    error = sys.exc_info()[1]
+    while error is not None and not isinstance(error, StoppedError):
+        error = error.__context__
+    return error is not None
 
 
 def _say(line: str) -> None:

@@ -77,6 +77,49 @@ def test_a_signal_ends_it_in_one_line_and_nothing_is_left(
     assert os.listdir(tmp_path) == []
 
 
+# A command in which the signal comes where every exception is swallowed, or while it cleans up at length.
+STOPPED = """
+import os, signal, sys, time
+from testbed.stopping import StoppedError, ending
+
+def swallowed():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except:
+        pass
+    time.sleep(60)
+
+def cleaning():
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        time.sleep(1)
+        print("cleaned")
+
+def translating():
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+    except StoppedError:
+        time.sleep(1)
+        raise SystemExit(9)
+
+ending(globals()[sys.argv[1]])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "code", "said"),
+    [("swallowed", 130, ""), ("cleaning", 143, "cleaned\n"), ("translating", 9, "")],
+)
+def test_a_signal_is_neither_lost_nor_interrupts_the_cleaning_up(command: str, code: int, said: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", STOPPED, command], capture_output=True, text=True, timeout=30, check=False
+    )
+    assert (done.returncode, done.stdout) == (code, said)
+    assert done.stderr.startswith("stopped by SIG") == (command != "translating")
+
+
 @pytest.mark.slow
 def test_a_second_process_on_one_folder_is_refused_and_the_first_goes_on(tmp_path: Path) -> None:
     process = start("run", "paper-2-turn", "--out=r", *LONG, cwd=tmp_path)

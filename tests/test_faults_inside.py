@@ -213,7 +213,12 @@ def _raise(v: Fdm) -> None:
 AIRCRAFT: dict[str, tuple[str, Callable[[Fdm], None], str, list[str]]] = {
     "stalls": ("x8", _stall, "vehicle 2: stall by", []),
     "spins": ("rascal", _spin, "vehicle 2: upset by", ["duration_s=6"]),
-    "flies into the ground": ("x8", _dive, "vehicle 2: ground by", ["start.heights_m=[0, -297]", "duration_s=6"]),
+    "flies into the ground": (
+        "x8",
+        _dive,
+        "vehicle 2: ground by",
+        ["start.heights_m=[0, -297]", "duration_s=6"],
+    ),
     "goes nan": ("x8", _nan, "vehicle 2: not finite by", []),
     "is broken inside JSBSim": ("x8", _raise, "flying failed: FdmError", []),
 }
