@@ -89,22 +89,30 @@ class Origin:
         out[..., 2] = altitude - self.altitude_m
         return out
 
-    def horizontal(self, velocity: Array) -> Array:
-        """East and north parts (..., 2) of ECEF velocities (..., 3), m/s."""
-        return np.asarray(velocity @ self.axes[:2].T)
+
+def positions(rows: Sequence[float] | Sequence[Sequence[float]] | Array, origin: Origin) -> Array:
+    """Rows of `Fdm.run` or `Fdm.position`, four numbers each, one after another or apart, as east-north-up
+    positions [m], (rows, 3)."""
+    metres = np.array(rows, dtype=float).reshape(-1, 4)
+    metres *= M_PER_FT
+    return origin.enu(metres[:, :3], metres[:, 3])
 
 
-def positions(rows: Sequence[Sequence[float] | Sequence[Sequence[float]]] | Array, origin: Origin) -> Array:
-    """Rows of `Fdm.run` or `Fdm.position`, (..., 4), as east-north-up positions [m], (..., 3)."""
-    metres = np.asarray(rows, dtype=float) * M_PER_FT
-    return origin.enu(metres[..., :3], metres[..., 3])
+def motion(row: Sequence[float], axes: Sequence[Sequence[float]]) -> tuple[float, float, float, float]:
+    """A row of `Fdm.motion` as course [rad, in (-pi, pi]], ground speed [m/s], course rate [rad/s] and climb
+    rate [m/s].
+
+    axes  of the origin, as plain numbers: for a few vehicles numpy takes longer than for this
+    """
+    u, v, w, climb, omega = row
+    (xe, ye, ze), (xn, yn, zn) = axes[0], axes[1]
+    u, v, w = u * M_PER_FT, v * M_PER_FT, w * M_PER_FT
+    east, north = xe * u + ye * v + ze * w, xn * u + yn * v + zn * w
+    return math.atan2(north, east), math.hypot(east, north), omega, climb * M_PER_FT
 
 
 def motions(rows: Sequence[Sequence[float]] | Array, origin: Origin) -> tuple[Array, Array]:
-    """Rows of `Fdm.motion`, (N, 5), as course [rad, in (-pi, pi]], (N,), and ground speed [m/s], course rate
-    [rad/s] and climb rate [m/s], (N, 3)."""
-    rows = np.asarray(rows, dtype=float)
-    east, north = origin.horizontal(rows[:, :3] * M_PER_FT).T
-    rates = np.empty((len(rows), 3))
-    rates[:, 0], rates[:, 1], rates[:, 2] = np.hypot(east, north), rows[:, 4], rows[:, 3] * M_PER_FT
-    return np.arctan2(north, east), rates
+    """Rows of `Fdm.motion`, (N, 5), as `motion` gives them: course (N,), and the rates (N, 3)."""
+    axes = origin.axes.tolist()
+    found = np.array([motion(row, axes) for row in np.asarray(rows).tolist()])
+    return found[:, 0], found[:, 1:]

@@ -85,8 +85,7 @@ class Fdm:
         self._position = tuple(n[k].get_double_value for k in ("x", "y", "z", "altitude"))
         self._motion = tuple(n[k].get_double_value for k in ("u", "v", "w", "climb", "omega"))
         self._command = tuple(n[k].set_double_value for k in ("v_command", "omega_command", "zeta_command"))
-        self._height = n["above_ground"].get_double_value
-        self._upset = n["alpha"].get_double_value, n["roll"].get_double_value
+        self._posture = tuple(n[k].get_double_value for k in ("above_ground", "alpha", "roll"))
         self._wind: tuple[float, float, float] | None = None  # as last blown
 
     # -- loading
@@ -263,24 +262,28 @@ class Fdm:
         self.node(milspec + "severity").set_double_value(severity)
         self.node("atmosphere/turb-type").set_double_value(_MILSPEC)
 
-    def run(self, wind: tuple[float, float, float], n: int) -> list[tuple[float, ...]]:
-        """Fly n periods in `wind` [m/s, east, north, up]; returns a row for `positions` after each."""
+    def run(self, wind: tuple[float, float, float], n: int) -> list[float]:
+        """Fly n periods in `wind` [m/s, east, north, up]; returns a row for `positions` after each.
+
+        The rows are one list of numbers: of lists or tuples Python would search for garbage every few steps.
+        """
         if wind != self._wind:
             if not all(map(math.isfinite, wind)):
                 raise ValueError(f"wind must be finite, got {wind}")
             self.blow(wind)
         step = self._fdm.run
         x, y, z, altitude = self._position
-        rows: list[tuple[float, ...]] = []
+        rows: list[float] = []
         try:
             if self._integrator and n:
                 step()
-                rows.append((x(), y(), z(), altitude()))
+                rows += x(), y(), z(), altitude()
                 self.nodes["velocity_integrator"].set_double_value(self._integrator)
                 self._integrator = 0.0
-            for _ in range(n - len(rows)):
+                n -= 1
+            for _ in range(n):
                 step()
-                rows.append((x(), y(), z(), altitude()))
+                rows += x(), y(), z(), altitude()
         except RuntimeError as error:
             raise self._broken(error) from None
         return rows
@@ -294,14 +297,10 @@ class Fdm:
         u, v, w, climb, omega = self._motion
         return u(), v(), w(), climb(), omega()
 
-    def height_above_ground(self) -> float:
-        """Metres over the terrain."""
-        return self._height() * M_PER_FT
-
-    def upset(self) -> tuple[float, float]:
-        """Angle of attack and bank [rad]."""
-        alpha, roll = self._upset
-        return alpha(), roll()
+    def posture(self) -> tuple[float, float, float]:
+        """Height over the terrain [m], angle of attack and bank [rad]."""
+        height, alpha, roll = self._posture
+        return height() * M_PER_FT, alpha(), roll()
 
     def telemetry(self) -> dict[str, float]:
         """The channels of `TELEMETRY` and the airframe's surfaces, SI."""

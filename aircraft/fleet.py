@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aircraft.airframe import Airframe
-from aircraft.earth import Origin
-from aircraft.fdm import Fdm, Start, motions, positions
+from aircraft.earth import Origin, motion, positions
+from aircraft.fdm import Fdm, Start
 from filters.unicycle import Array, Command, State
 
 _GROUND_CONTACT_M = 0.3  # below this the belly skids touch
@@ -70,92 +69,106 @@ class JsbsimFleet:
             vehicle.start(Start(x, y, z, theta, v, wind=tuple(wind)))
             if self._turbulence:
                 vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
-        self._faults = [""] * len(state)
+        n = len(state)
+        self._faults = [""] * n
         self._alike = len({tuple(f.telemetry()) for f in self._vehicles}) == 1  # the same channels
         most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
-        self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * len(state)
-        self._position = positions([f.position() for f in self._vehicles], self.origin)
-        self._theta = state.theta.astype(float).copy()
-        self._rates = np.zeros((len(state), 3))
-        self._move([True] * len(state))
+        self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * n
+        self._axes = self.origin.axes.tolist()
+        self._theta, self._rates = state.theta.tolist(), [[0.0] * 3 for _ in range(n)]
+        self._winds: list[list[float]] = []
+        for i in range(n):
+            self._move(i)
+        self._take(positions([x for f in self._vehicles for x in f.position()], self.origin))
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
         """Fly `command` (N,) for n periods in `wind` (N, 3); returns positions (n, N, 3). NaN is refused."""
-        wind, asked = np.asarray(wind, dtype=float), command.array()
-        if not (np.isfinite(asked).all() and np.isfinite(wind).all()):
-            raise ValueError(f"command and wind must be finite, got {command} in {wind}")
-        if wind.shape != self._position.shape:
-            wind = np.broadcast_to(wind, self._position.shape)
-        if asked.shape != self._position.shape:
-            asked = np.broadcast_to(asked, self._position.shape)
+        asked, winds = self._asked(command, wind)
         flying = [not fault for fault in self._faults]
-        rows = []
-        for vehicle, well, c, w in zip(self._vehicles, flying, asked.tolist(), wind.tolist(), strict=True):
+        rows: list[float] = []
+        for vehicle, well, c, (east, north, up) in zip(self._vehicles, flying, asked, winds, strict=True):
             if well:
                 vehicle.command(*c)
-                rows.append(vehicle.run((w[0], w[1], w[2]), n))
+                rows += vehicle.run((east, north, up), n)
+        flown = positions(rows, self.origin).reshape(-1, n, 3).swapaxes(0, 1)
         if all(flying):
-            track = np.ascontiguousarray(positions(rows, self.origin).swapaxes(0, 1))
+            track = flown
         else:
             track = np.tile(self._position, (n, 1, 1))
-            if rows:
-                track[:, flying] = positions(rows, self.origin).swapaxes(0, 1)
-        self._end_flights(track, flying)
-        self._position = track[-1].copy()
+            track[:, flying] = flown
+        self._end_flights(track, flying, math.isfinite(sum(rows)))
+        self._take(track[-1].copy())
         return track
 
-    def _end_flights(self, track: Array, flying: list[bool]) -> None:
-        """Note new faults; a vehicle that has one stays at its last finite position, `track` says so too."""
-        self._move(flying)
+    def _asked(
+        self, command: Command, wind: Array
+    ) -> tuple[list[tuple[float, float, float]], list[list[float]]]:
+        """Commands and winds as plain numbers, one a vehicle; raises ValueError if one is not finite."""
+        n = len(self._vehicles)
+        if command.shape != (n,):
+            command = Command.of(np.broadcast_to(command.array(), (n, 3)))
+        asked = list(zip(command.v.tolist(), command.omega.tolist(), command.zeta.tolist(), strict=True))
+        winds = np.broadcast_to(wind, (n, 3)).tolist() if np.shape(wind) != (n, 3) else wind.tolist()
+        fine = all(math.isfinite(v + omega + zeta) for v, omega, zeta in asked)
+        if winds != self._winds:
+            fine = fine and all(math.isfinite(east + north + up) for east, north, up in winds)
+        if not fine:
+            raise ValueError(f"command and wind must be finite, got {command} in {wind}")
+        self._winds = winds
+        return asked, winds
+
+    def _end_flights(self, track: Array, flying: list[bool], finite: bool) -> None:
+        """Note new faults; a vehicle that has one stays at its last finite position, `track` says so too.
+
+        finite  whether all the positions flown through are
+        """
         period = len(track) * self.dt
-        lost = [self._lost(i, period) if well else "" for i, well in enumerate(flying)]
-        if not any(lost) and np.isfinite(track).all() and np.isfinite(self._rates).all():
-            return
-        finite: NDArray[np.bool_] = np.asarray(np.isfinite(track).all(axis=2))
-        well = np.asarray(finite.all(axis=0) & np.isfinite(self._rates).all(axis=1))
-        for i in np.flatnonzero(flying).tolist():
-            if not well[i]:
-                self._faults[i] = "not finite"
-                unknown = ~finite[:, i]
-                track[unknown, i] = track[~unknown, i][-1] if finite[:, i].any() else self._position[i]
-            else:
-                self._faults[i] = lost[i]
-            if self._faults[i]:
-                self._theta[i], self._rates[i] = self._last_theta[i], 0.0
+        for i, well in enumerate(flying):
+            if not well:
+                continue
+            theta = self._theta[i]
+            self._move(i)
+            fault = self._lost(i, period)
+            if not finite or not math.isfinite(sum(self._rates[i])):
+                known = np.isfinite(track[:, i]).all(axis=1)
+                if not (known.all() and math.isfinite(sum(self._rates[i]))):
+                    fault = "not finite"
+                    track[~known, i] = track[known, i][-1] if known.any() else self._position[i]
+            if fault:
+                self._faults[i], self._theta[i], self._rates[i] = fault, theta, [0.0] * 3
 
     def _lost(self, i: int, period: float) -> str:
         """What has befallen vehicle i over the last `period` [s], "" for nothing."""
-        vehicle = self._vehicles[i]
-        if vehicle.height_above_ground() < _GROUND_CONTACT_M:
+        height, alpha, roll = self._vehicles[i].posture()
+        if height < _GROUND_CONTACT_M:
             return "ground"
-        alpha, roll = vehicle.upset()
         if abs(roll) > _UPSET_RAD:
             return "upset"
         self._stalled_s[i] = self._stalled_s[i] + period if alpha > self._stall[i] else 0.0
         return "stall" if self._stalled_s[i] > _STALL_S else ""
 
-    def _move(self, flying: list[bool]) -> None:
-        """Take course, counting turns, and rates from the vehicles that fly."""
-        self._last_theta = self._theta.copy()
-        if not any(flying):
-            return
-        # All of them, nearly always: a slice is much cheaper than a mask.
-        which = slice(None) if all(flying) else np.array(flying)
-        rows = [f.motion() for f, well in zip(self._vehicles, flying, strict=True) if well]
-        course, self._rates[which] = motions(rows, self.origin)
-        turned = course - self._theta[which]
-        self._theta[which] += turned - 2 * np.pi * np.rint(turned / (2 * np.pi))
+    def _move(self, i: int) -> None:
+        """Take course, counting turns, and rates from vehicle i."""
+        course, *self._rates[i] = motion(self._vehicles[i].motion(), self._axes)
+        turned = course - self._theta[i]
+        if math.isfinite(turned):
+            self._theta[i] += turned - 2 * math.pi * round(turned / (2 * math.pi))
+
+    def _take(self, position: Array) -> None:
+        """Be at `position` (N, 3) m, with the courses and rates that the vehicles have."""
+        self._position = position
+        now = np.empty((4, len(position)))
+        now[0], now[1], now[3] = position.T
+        now[2] = self._theta
+        self._state, self._achieved = State.of(now.T), Command.of(np.array(self._rates))
 
     def state(self) -> State:
         """Poses (N,): course and east-north-up position, the truth."""
-        now = np.empty((4, len(self._theta)))
-        now[0], now[1], now[3] = self._position.T
-        now[2] = self._theta
-        return State.of(now.T)
+        return self._state
 
     def achieved(self) -> Command:
         """Ground speed, course rate and climb rate (N,)."""
-        return Command.of(self._rates.copy())
+        return self._achieved
 
     def telemetry(self) -> dict[str, Array]:
         """The channels of `aircraft.properties.TELEMETRY` and all surfaces, (N,); NaN where there is none."""

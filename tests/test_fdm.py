@@ -70,7 +70,7 @@ def test_position_is_the_integral_of_ground_speed_and_course_kilometres_from_the
     wind = (3.0, -2.0, 0.0)
     fdm.run(wind, 400)
     for _ in range(50):
-        track, moves = [fdm.position()], [fdm.motion()]
+        track, moves = list(fdm.position()), [fdm.motion()]
         for _ in range(2):
             track += fdm.run(wind, 1)
             moves.append(fdm.motion())
