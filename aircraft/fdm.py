@@ -23,7 +23,7 @@ from aircraft.starting import FdmError, Start, Trim
 
 Array = NDArray[np.float64]
 
-__all__ = ["M_PER_FT", "TELEMETRY", "Fdm", "FdmError", "Start", "Trim", "motions", "positions"]
+__all__ = ["M_PER_FT", "TELEMETRY", "Fdm", "FdmError", "Start", "Trim", "motions", "positions", "telemetry"]
 
 _MILSPEC = 3.0  # JSBSim's number for that turbulence
 _EULER = 1.0  # JSBSim's number for the rectangular Euler integrator
@@ -77,9 +77,10 @@ class Fdm:
             raise
         n = self.nodes = {name: self.node(path) for name, path in NODES.items()}
         surfaces = {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
-        self._telemetry = {
-            name: (self.node(path), k, offset) for name, (path, k, offset) in (TELEMETRY | surfaces).items()
-        }
+        telemetry = TELEMETRY | surfaces
+        self.channels = tuple(telemetry)
+        self._readings = tuple(self.node(path).get_double_value for path, _, _ in telemetry.values())
+        self.units = np.array([[k, offset] for _, k, offset in telemetry.values()])
         for name, value in airframe.gain_values().items():
             self.node(property_name(name)).set_double_value(value)
         self._position = tuple(n[k].get_double_value for k in ("x", "y", "z", "altitude"))
@@ -302,8 +303,20 @@ class Fdm:
         height, alpha, roll = self._posture
         return height() * M_PER_FT, alpha(), roll()
 
+    def readings(self) -> list[float]:
+        """What the channels of `telemetry` are made of, in JSBSim's units."""
+        return [get() for get in self._readings]
+
     def telemetry(self) -> dict[str, float]:
         """The channels of `TELEMETRY` and the airframe's surfaces, SI."""
-        now = {name: node.get_double_value() * k + c for name, (node, k, c) in self._telemetry.items()}
-        now["heading_rad"] = math.remainder(now["heading_rad"], 2 * math.pi)
-        return now
+        return {name: float(x[0]) for name, x in telemetry([self]).items()}
+
+
+def telemetry(vehicles: Sequence[Fdm]) -> dict[str, Array]:
+    """`Fdm.telemetry` of vehicles with the same channels, (N,) each."""
+    rows = np.array([x for v in vehicles for x in v.readings()]).reshape(len(vehicles), -1)
+    factor, offset = vehicles[0].units.T
+    now = dict(zip(vehicles[0].channels, (rows * factor + offset).T.copy(), strict=True))
+    heading = now["heading_rad"]
+    heading -= 2 * np.pi * np.rint(heading / (2 * np.pi))
+    return now

@@ -9,9 +9,10 @@ import numpy as np
 
 from aircraft.airframe import Airframe
 from aircraft.earth import Origin, motion, positions
-from aircraft.fdm import Fdm, Start
+from aircraft.fdm import Fdm, Start, telemetry
 from filters.unicycle import Array, Command, State
 
+NOT_FINITE = "not finite"
 _GROUND_CONTACT_M = 0.3  # below this the belly skids touch
 # Loss of control. The autopilot keeps alpha below alpha_max; at twice that both our wings are past the stall
 # (X8 0.40 of 0.27 rad, Rascal 0.34 of 0.23). A gust's moment of it is no stall, and no command banks so far.
@@ -71,7 +72,7 @@ class JsbsimFleet:
                 vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
         n = len(state)
         self._faults = [""] * n
-        self._alike = len({tuple(f.telemetry()) for f in self._vehicles}) == 1  # the same channels
+        self._alike = len({f.channels for f in self._vehicles}) == 1  # the same channels
         most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
         self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * n
         self._axes = self.origin.axes.tolist()
@@ -86,17 +87,22 @@ class JsbsimFleet:
         asked, winds = self._asked(command, wind)
         flying = [not fault for fault in self._faults]
         rows: list[float] = []
-        for vehicle, well, c, (east, north, up) in zip(self._vehicles, flying, asked, winds, strict=True):
-            if well:
-                vehicle.command(*c)
-                rows += vehicle.run((east, north, up), n)
-        flown = positions(rows, self.origin).reshape(-1, n, 3).swapaxes(0, 1)
-        if all(flying):
-            track = flown
-        else:
-            track = np.tile(self._position, (n, 1, 1))
-            track[:, flying] = flown
-        self._end_flights(track, flying, math.isfinite(sum(rows)))
+        for i, vehicle in enumerate(self._vehicles):
+            if flying[i]:
+                vehicle.command(*asked[i])
+                east, north, up = winds[i]
+                flown = vehicle.run((east, north, up), n)
+                rows += flown
+                # All that is wanted of it now, while it is in the processor's cache.
+                self._arrive(i, math.isfinite(sum(flown)), n * self.dt)
+        track = positions(rows, self.origin).reshape(-1, n, 3).swapaxes(0, 1)
+        if not all(flying):
+            flown_by, track = track, np.tile(self._position, (n, 1, 1))
+            track[:, flying] = flown_by
+        for i, fault in enumerate(self._faults):
+            if flying[i] and fault == NOT_FINITE:
+                known = np.isfinite(track[:, i]).all(axis=1)
+                track[~known, i] = track[known, i][-1] if known.any() else self._position[i]
         self._take(track[-1].copy())
         return track
 
@@ -117,25 +123,18 @@ class JsbsimFleet:
         self._winds = winds
         return asked, winds
 
-    def _end_flights(self, track: Array, flying: list[bool], finite: bool) -> None:
-        """Note new faults; a vehicle that has one stays at its last finite position, `track` says so too.
+    def _arrive(self, i: int, finite: bool, period: float) -> None:
+        """Take in the motion of vehicle i after `period` [s], and what has befallen it.
 
-        finite  whether all the positions flown through are
+        A vehicle that has met a fault keeps the course it had and is at rest.
+        finite  whether all its positions are
         """
-        period = len(track) * self.dt
-        for i, well in enumerate(flying):
-            if not well:
-                continue
-            theta = self._theta[i]
-            self._move(i)
-            fault = self._lost(i, period)
-            if not finite or not math.isfinite(sum(self._rates[i])):
-                known = np.isfinite(track[:, i]).all(axis=1)
-                if not (known.all() and math.isfinite(sum(self._rates[i]))):
-                    fault = "not finite"
-                    track[~known, i] = track[known, i][-1] if known.any() else self._position[i]
-            if fault:
-                self._faults[i], self._theta[i], self._rates[i] = fault, theta, [0.0] * 3
+        theta = self._theta[i]
+        self._move(i)
+        finite = finite and math.isfinite(sum(self._rates[i]))
+        fault = self._lost(i, period) if finite else NOT_FINITE
+        if fault:
+            self._faults[i], self._theta[i], self._rates[i] = fault, theta, [0.0] * 3
 
     def _lost(self, i: int, period: float) -> str:
         """What has befallen vehicle i over the last `period` [s], "" for nothing."""
@@ -172,9 +171,9 @@ class JsbsimFleet:
 
     def telemetry(self) -> dict[str, Array]:
         """The channels of `aircraft.properties.TELEMETRY` and all surfaces, (N,); NaN where there is none."""
-        rows = [f.telemetry() for f in self._vehicles]
         if self._alike:
-            return dict(zip(rows[0], np.array([list(row.values()) for row in rows]).T.copy(), strict=True))
+            return telemetry(self._vehicles)
+        rows = [f.telemetry() for f in self._vehicles]
         names = dict.fromkeys(name for row in rows for name in row)
         return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 

@@ -5,12 +5,17 @@ Planar vectors are complex numbers, east + 1j north. The construction for any ma
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from filters.pairs import (
+    ARRAYS,
+    FEW,
+    NUMBERS,
     Barrier,
     ForwardDifference,
     Index,
@@ -25,6 +30,7 @@ from filters.pairs import (
     vehicle_of,
 )
 from filters.rollout import PremiseNotMet, RolloutBarrier
+from filters.turn import clearance
 from filters.unicycle import Array, Command, State
 
 __all__ = [
@@ -38,10 +44,6 @@ __all__ = [
     "TurnBarrier",
     "all_pairs",
 ]
-
-# Added under the square root of |Z|: keeps 0/0 from Z = 0, where it makes the subgradient 0, and changes no
-# |Z| above 1e-142 m^2.
-TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,11 @@ class TurnBarrier:
     def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
         """h and gradient (see `Barrier.values`); at Z = 0, the kink, the subgradient that takes d|Z| = 0."""
         check_count(len(state), self._radius, "sigma")
-        form = form_function(self.form)
+        form, epsilon = form_function(self.form), self.smoothing**2
+        i, j = chosen_pairs(state, i, j)
+        if len(state.shape) == 1 and len(i) <= FEW:
+            with suppress(ValueError, OverflowError):  # an infinite course, say: an array has a nan for it
+                return self._values_of_few(state, i, j)
         # One array, so that a pair's vehicles are looked up once: heading times radius, centre, height, tilt.
         poses = np.empty((4 if self.delta else 3, *state.shape), dtype=complex)
         heading = np.empty(state.shape, dtype=complex)
@@ -115,44 +121,38 @@ class TurnBarrier:
         poses[2] = state.z
         if self.delta:
             np.multiply(self.delta * (-1 - 1j), heading, out=poses[3])
-        epsilon = self.smoothing**2
 
         def kernel(i: Index, j: Index, grad: Array) -> Array:
             poses_i, poses_j = at(poses, i), at(poses, j)
-            apart = poses_i[:3] - poses_j[:3]
-            arm_i, arm_j, q, d, dz = poses_i[0], poses_j[0], apart[0], apart[1], apart[2].real
-            z = q * d.conj()
-            z *= -2j
-            excess: Array | float = epsilon
-            if self.delta:
-                tilt_i = poses_i[3]
-                # |Z|^2 - |Z at delta 0|^2 + eps^2, without subtracting large numbers
-                excess = 2 * (z.real * tilt_i.real + z.imag * tilt_i.imag) + (2 * self.delta**2 + epsilon)
-                z += tilt_i
-            amplitude = np.sqrt(z.real * z.real + z.imag * z.imag + (epsilon + TINY))
-            # A1 - |Z| = (|D| - |q|)^2 + dz^2 - 2 delta - (|Z| - 2 |D| |q|), which does not cancel.
-            d_abs, q_abs = np.abs(d), np.abs(q)
-            m = np.square(d_abs - q_abs) + dz * dz
-            m -= excess / (2 * d_abs * q_abs + amplitude) + 2 * self.delta
-            h, slope = form(m, self.d_safe)
-
-            # dm = Re(conj(g_d) dD) + Re(g_q dq) + 2 dz d(dz) + the delta term's own share of theta_i
-            slope = 2.0 * slope
-            phase = z.conj() * (1j * slope / amplitude)
-            g_d = slope * d + phase * q
-            g_q = slope * q.conj() + phase * d.conj()
-            turn = 1j * g_q - g_d.conj()
-            grad[0], grad[1] = g_d.real, g_d.imag
-            grad[2] = turn.real * arm_i.real - turn.imag * arm_i.imag
-            grad[6] = turn.imag * arm_j.imag - turn.real * arm_j.real
-            if self.delta:
-                grad[2] -= 0.5 * (phase.real * tilt_i.real - phase.imag * tilt_i.imag)
-            grad[3] = slope * dz
+            q, d, height = poses_i[:3] - poses_j[:3]
+            arms, apart, tilt = (poses_i[0], poses_j[0]), (q, d, height.real), poses_i[-1]
+            c = clearance(arms, apart, tilt, self.delta, epsilon, self.d_safe, form, ARRAYS)
+            grad[0], grad[1], grad[2], grad[3], grad[6] = c.x, c.y, c.theta_i, c.z, c.theta_j
             np.negative(grad[0:2], out=grad[4:6])
             np.negative(grad[3], out=grad[7])
-            return h
+            return np.asarray(c.h)
 
-        return by_blocks(*chosen_pairs(state, i, j), kernel)
+        return by_blocks(i, j, kernel)
+
+    def _values_of_few(self, state: State, i: Index, j: Index) -> PairValues:
+        """`values` of a few pairs (i, j) of a state (N,), in plain numbers."""
+        theta, radius = state.theta.tolist(), self._radius.tolist()
+        if not self._radius.ndim:
+            radius = [radius] * len(theta)
+        x, y, z = state.x.tolist(), state.y.tolist(), state.z.tolist()
+        form, epsilon, delta = form_function(self.form), self.smoothing**2, self.delta
+        h, grad = [], []
+        for a, b in zip(i.tolist(), j.tolist(), strict=True):
+            heading_a = complex(math.cos(theta[a]), math.sin(theta[a]))
+            arm_a = radius[a] * heading_a
+            arm_b = radius[b] * complex(math.cos(theta[b]), math.sin(theta[b]))
+            d = complex(x[a] - arm_a.imag, y[a] + arm_a.real) - complex(x[b] - arm_b.imag, y[b] + arm_b.real)
+            apart = arm_a - arm_b, d, z[a] - z[b]
+            tilt = delta * (-1 - 1j) * heading_a
+            c = clearance((arm_a, arm_b), apart, tilt, delta, epsilon, self.d_safe, form, NUMBERS)
+            h.append(c.h)
+            grad.append([c.x, c.y, c.theta_i, c.z, -c.x, -c.y, c.theta_j, -c.z])
+        return PairValues(i, j, np.array(h), np.array(grad).reshape(-1, 8))
 
     def phasor(self, state: State) -> Array:
         """Z of every pair i < j (..., P), complex, m^2: the kink of h is where it is 0, smoothing apart.
@@ -240,7 +240,7 @@ class StraightBarrier:
             # The closest offset is squared; the text's c - b^2/4a would cancel for pairs that nearly collide.
             d = d + tau * w
             d_z = d_z + tau * w_z
-            h, slope = form(d.real * d.real + d.imag * d.imag + d_z * d_z, self.d_safe)
+            h, slope = form(d.real * d.real + d.imag * d.imag + d_z * d_z, self.d_safe, ARRAYS)
 
             # tau is a minimiser, so its own derivative drops out (envelope theorem)
             slope = 2.0 * slope
@@ -291,7 +291,7 @@ class EuclideanBarrier:
 
         def kernel(i: Index, j: Index, grad: Array) -> Array:
             dx, dy, dz = (a[i] - a[j] for a in (state.x, state.y, state.z))
-            h, slope = form(dx * dx + dy * dy + dz * dz, self.d_safe)
+            h, slope = form(dx * dx + dy * dy + dz * dz, self.d_safe, ARRAYS)
             slope = 2.0 * slope
             grad[0], grad[1], grad[2], grad[3] = slope * dx, slope * dy, 0.0, slope * dz
             np.negative(grad[:4], out=grad[4:])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Literal, Protocol
 
 import numpy as np
@@ -152,7 +153,7 @@ def input_set(view: View, nominal: Command, limits: Limits) -> tuple[Array, Arra
     target = nominal.array()
     if target.shape != (n, 3):
         raise ValueError(f"{n} vehicles need nominal commands of shape ({n},), got {nominal.shape}")
-    if not np.isfinite(target).all():
+    if not isfinite(np.vdot(target, target)) and not np.isfinite(target).all():
         bad = int(np.flatnonzero(~np.isfinite(target).all(-1))[0])
         raise ValueError(f"the nominal command of vehicle {bad + 1} is not finite: {target[bad]}")
     lower, upper = limits.corners

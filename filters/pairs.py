@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,8 @@ FORMS = ("root", "squared")
 # Pairs computed at a time. The temporaries of one block stay in cache and in memory the allocator keeps;
 # those of 4950 pairs go back to the system and fault in again, 300 pages a call (none below 1250 pairs).
 BLOCK = 1000
+# Pairs up to which plain numbers are faster than arrays: 5 us a pair here, 70 whatever their number there.
+FEW = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,9 @@ class PairValues:
         state  the state the values were computed at
         Source  Squires et al. 2022, eq. (2): g has the columns (cos theta, sin theta, 0, 0), e_3 and e_4.
         """
+        if len(self.h) <= FEW and len(state.shape) == 1:
+            with suppress(ValueError):  # an infinite course: an array has a nan for it
+                return self._lie_of_few(state)
         ahead = np.empty((2, *state.shape))
         np.cos(state.theta, out=ahead[0])
         np.sin(state.theta, out=ahead[1])
@@ -52,6 +59,15 @@ class PairValues:
             np.add(along[0], along[1], out=row[0])
         rows[:, 1:] = grad[:, 2:]
         return rows[0].T, rows[1].T
+
+    def _lie_of_few(self, state: State) -> tuple[Array, Array]:
+        theta, rows_i, rows_j = state.theta.tolist(), [], []
+        for i, j, (x_i, y_i, *turn_i, x_j, y_j, turn_j, z_j) in zip(
+            self.i.tolist(), self.j.tolist(), self.grad.tolist(), strict=True
+        ):
+            rows_i.append([x_i * math.cos(theta[i]) + y_i * math.sin(theta[i]), *turn_i])
+            rows_j.append([x_j * math.cos(theta[j]) + y_j * math.sin(theta[j]), turn_j, z_j])
+        return np.array(rows_i).reshape(-1, 3), np.array(rows_j).reshape(-1, 3)
 
 
 class Barrier(Protocol):
@@ -125,8 +141,23 @@ def vehicle_of(index: Index) -> NDArray[np.intp]:
     return np.asarray(index[-1] if isinstance(index, tuple) else index)
 
 
-def form_function(form: str) -> Callable[[Array, float], tuple[Array, Array]]:
-    """The map (m, d_safe) -> (h, dh/dm) of a form's name, m (P,) m^2 being the squared clearance.
+class Kind(NamedTuple):
+    """What arithmetic differs in between plain numbers and arrays of them."""
+
+    sqrt: Callable[[Any], Any]
+    larger: Callable[[Any, Any], Any]
+    smaller: Callable[[Any, Any], Any]
+
+
+ARRAYS = Kind(np.sqrt, np.maximum, np.minimum)
+NUMBERS = Kind(math.sqrt, max, min)
+
+Form = Callable[[Any, float, Kind], tuple[Any, Any]]
+"""(m, d_safe, kind) -> (h, dh/dm), m (P,) m^2 being the squared clearance."""
+
+
+def form_function(form: str) -> Form:
+    """The form of h of that name.
 
     Raises  ValueError for an unknown name.
     """
@@ -136,21 +167,22 @@ def form_function(form: str) -> Callable[[Array, float], tuple[Array, Array]]:
         raise ValueError(f"unknown form {form!r} of h; choose one of {', '.join(FORMS)}") from None
 
 
-def root_form(m: Array, d_safe: float) -> tuple[Array, Array]:
+def root_form(m: Any, d_safe: float, kind: Kind = ARRAYS) -> tuple[Any, Any]:
     """h = sqrt(m) - Ds [m], continued linearly (C1) below m0 = (0.1 Ds)^2.
 
     The paper's root is imaginary or infinitely steep far outside the safe set (delta, smoothing and
     coincident vehicles lead there), and a NaN or an infinite row would silently disable a constraint.
     """
     m0 = (0.1 * d_safe) ** 2
-    root = np.sqrt(np.maximum(m, m0))
+    # m first: of plain numbers the larger is then NaN if m is.
+    root = kind.sqrt(kind.larger(m, m0))
     slope = 0.5 / root
-    return root + np.minimum(m - m0, 0.0) * slope - d_safe, slope
+    return root + kind.smaller(m - m0, 0.0) * slope - d_safe, slope
 
 
-def squared_form(m: Array, d_safe: float) -> tuple[Array, Array]:
+def squared_form(m: Any, d_safe: float, kind: Kind = ARRAYS) -> tuple[Any, Any]:
     """h = m - Ds^2 [m^2]."""
-    return m - d_safe**2, np.ones_like(m)
+    return m - d_safe**2, 1.0
 
 
 def check_separation(d_safe: float) -> None:
@@ -200,7 +232,8 @@ class ForwardDifference:
         tuple_i = i if isinstance(i, tuple) else (i,)
         tuple_j = j if isinstance(j, tuple) else (j,)
         same = np.zeros_like(vehicle_of(i))
-        h = self.barrier.values(state, i, j).h
+        # From the same arrays as the shifted ones: equal roundings drop out of the differences.
+        h = self.barrier.values(rows, (same, *tuple_i), (same, *tuple_j)).h
         grad = np.empty((8, len(h)))
         for k in range(4):
             row = same + (k + 1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from filters.minimum import NotLocated, global_minimum
 from filters.pairs import (
+    ARRAYS,
     FORMS,
     Index,
     PairValues,
@@ -105,7 +106,7 @@ class RolloutBarrier:
         end_a = step(a, self.gamma[vehicle_of(i)], tau)  # type: ignore[arg-type]
         end_b = step(b, self.gamma[vehicle_of(j)], tau)  # type: ignore[arg-type]
         rho = self.safety.value(end_a, end_b)
-        h, slope = (rho, 1.0) if self.form == "plain" else form_function(self.form)(rho, self.d_safe)
+        h, slope = (rho, 1.0) if self.form == "plain" else form_function(self.form)(rho, self.d_safe, ARRAYS)
         grad = np.array(self.safety.gradient(end_a, end_b).T, order="C")
         # A turn of the start carries the whole path round it
         grad[2] += grad[1] * (end_a.x - a.x) - grad[0] * (end_a.y - a.y)

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
+from numpy import vdot
 from numpy.typing import NDArray
 
 from filters.pairs import Barrier, Index, PairValues, chosen_pairs, vehicle_of
@@ -38,7 +40,8 @@ class Rows:
 
     def left(self, u: Array) -> Array:
         """L_g h u (P,) of inputs u (N, 3)."""
-        return dot(self.lie_i, taken(u, self.i)) + dot(self.lie_j, taken(u, self.j))
+        x, y, z = (self.lie_i * taken(u, self.i) + self.lie_j * taken(u, self.j)).T
+        return x + y + z  # type: ignore[no-any-return]
 
     def raised(self, margin: Margin | None) -> Rows:
         """The rows with each side's margin added to their right-hand side; see `filters.robust`."""
@@ -101,10 +104,8 @@ def barrier_rows(
     lie_i, lie_j = pairs.lie(state)
     rhs = -np.asarray(alpha(pairs.h), dtype=float)
     rows = Rows(vehicle_of(pairs.i), vehicle_of(pairs.j), lie_i, lie_j, rhs, pairs)
-    # One sum is finite only if all its terms are; no finite barrier comes near overflowing it.
-    with np.errstate(invalid="ignore", over="ignore"):
-        total = pairs.h.sum() + lie_i.sum() + lie_j.sum() + rhs.sum()
-    if not np.isfinite(total):
+    # A sum of squares is finite only if all its terms are; no finite barrier comes near overflowing it.
+    if not isfinite(sum(vdot(a.T, a.T) for a in (pairs.h, lie_i, lie_j, rhs))):
         _name_infinite(rows)
     return rows
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib import metadata
 from math import radians
@@ -220,11 +220,15 @@ def airframes(s: Scenario) -> list[Any]:
     return [known[s.airframes[i % len(s.airframes)]] for i in range(s.vehicles)]
 
 
-def airframe_hashes(s: Scenario) -> dict[str, str]:
-    """The files and gains of each airframe that the plant flies or knows the lags of, as SHA-256."""
+def airframe_hashes(s: Scenario, loaded: Sequence[Any] = ()) -> dict[str, str]:
+    """The files and gains of each airframe that the plant flies or knows the lags of, as SHA-256.
+
+    loaded  `airframes(s)`, where they have been loaded
+    """
     if s.plant != "jsbsim" and (s.plant != "lagged" or s.lags.source == "table"):
         return {}
-    return {airframe.name: airframe.fingerprint() for airframe in airframes(s)}
+    known = {airframe.name: airframe for airframe in loaded or airframes(s)}
+    return {name: airframe.fingerprint() for name, airframe in known.items()}
 
 
 def versions() -> dict[str, str]:

@@ -6,6 +6,7 @@ guarantee could be judged against; see docs/decisions/0008-a-fault-ends-the-run.
 
 from __future__ import annotations
 
+import math
 import traceback
 from pathlib import Path
 
@@ -21,6 +22,8 @@ def lost(reported: list[str], track: Array) -> str | None:
     reported  the plant's own words, one a vehicle, "" for none
     track     (n, N, 3) m, positions since the filter step before
     """
+    if not any(reported) and math.isfinite(track.sum()):
+        return None
     said = list(reported)
     if not np.isfinite(track).all():
         for vehicle in np.flatnonzero(~np.isfinite(track).all(axis=(0, 2))):

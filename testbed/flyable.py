@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+from aircraft.airframe import Airframe
 from filters.barrier import Barrier
-from testbed import catalogue
 from testbed.scenario import Scenario
 
 
-def unflyable(s: Scenario, barrier: Barrier) -> list[str]:
+def unflyable(s: Scenario, barrier: Barrier, airframes: Sequence[Airframe]) -> list[str]:
     """Why vehicles cannot fly gamma steadily, one sentence each; empty if all can.
 
+    airframes  one per vehicle, where aircraft fly
     In steady wind the airspeed of a turn at constant ground speed swings by the wind speed to either side,
     and the airframe must trim at both ends. Kinematic plants can fly every input in U.
     """
@@ -22,7 +24,7 @@ def unflyable(s: Scenario, barrier: Barrier) -> list[str]:
 
     gamma = barrier.manoeuvre(s.vehicles)
     reasons, known = [], {}
-    for vehicle, airframe in enumerate(catalogue.airframes(s)):
+    for vehicle, airframe in enumerate(airframes):
         v, omega, zeta = (float(c[vehicle]) for c in (gamma.v, gamma.omega, gamma.zeta))
         for airspeed in sorted({v - s.wind.speed_mps, v + s.wind.speed_mps}):
             case = (airframe.name, airspeed, omega, zeta)

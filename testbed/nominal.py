@@ -25,7 +25,8 @@ class NearIdentity:
     goal       (N, 3)  m
     lookahead  m, the paper's lambda
     gain       1/s, on position and on height
-    The result is not clamped: the filter's box does that (Squires et al. 2022, III.D).
+    The result is not clamped: the filter's box does that (Squires et al. 2022, III.D). The state may also be
+    (instants, N).
     """
 
     goal: Array

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from aircraft.airframe import Airframe
 from aircraft.plant import Plant
 from aircraft.replay import Replay
 from filters.barrier import Barrier, all_pairs
@@ -116,13 +117,13 @@ class _Flight:
         own = self.parts.own()
         # What a plant of one's own can fly steadily, nobody has said: that is no pass.
         unknown = [f"nobody said whether {own['plant']} can fly it"] if "plant" in own else []
-        verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier))
+        verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, aircraft))
         verdicts += guarantees.judge(flown)
         if replay is not None and approach is not None and end is None:
             approach.close()
             when = manoeuvre.instants(s, approach, s.duration_s)
             verdicts.append(manoeuvre.fly(s, replay.branch, disturbance.wind, barrier, limits, when, i, j))
-        manifest = _manifest(s, tally, end) | ({"parts": own} if own else {})
+        manifest = _manifest(s, tally, end, aircraft) | ({"parts": own} if own else {})
         if isinstance(filter_, Monitor):
             verdicts += guarantees.monitored(filter_.record, s.rates.filter_dt_s)
             manifest["qp_cost"] = {
@@ -194,7 +195,9 @@ def _keep_freed_memory() -> None:
 def _advance(plant: Plant, disturbance: Disturbance, command: Command, t: float, air: Array, n: int) -> Array:
     """Fly `command` for n periods from time t, where the wind is `air`; positions (n, N, 3) m."""
     most = max(1, int(WIND_PERIOD_S / plant.dt + 1e-9)) if disturbance.windy else n
-    track = [plant.step(command, air, min(most, n))]
+    if most >= n:
+        return plant.step(command, air, n)
+    track = [plant.step(command, air, most)]
     for k in range(most, n, most):
         air = disturbance.wind(t + k * plant.dt, plant.state())
         track.append(plant.step(command, air, min(most, n - k)))
@@ -228,13 +231,13 @@ def _check_start(
     return False
 
 
-def _manifest(s: Scenario, tally: Tally, end: str | None) -> dict[str, Any]:
+def _manifest(s: Scenario, tally: Tally, end: str | None, aircraft: Sequence[Airframe]) -> dict[str, Any]:
     return {
         "schema_version": SCHEMA_VERSION,
         "scenario": s.model_dump(mode="json"),
         "seed_streams": list(generators(s.seed)),
         "versions": catalogue.versions(),
-        "airframes": catalogue.airframe_hashes(s),
+        "airframes": catalogue.airframe_hashes(s, aircraft),
         "ended_early": end,
         "filter_steps": tally.filter_steps,
         "worst_qp_residual": tally.worst_residual,

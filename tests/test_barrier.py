@@ -19,6 +19,7 @@ from filters.barrier import (
     TurnBarrier,
     all_pairs,
 )
+from filters.rows import barrier_rows
 from filters.unicycle import Command, State, step
 
 DS, V, OMEGA = 5.0, 16.0, 0.2042
@@ -194,7 +195,7 @@ def test_gradient_agrees_with_central_differences(barrier):
 def test_forward_differences_come_close_and_leave_h_alone(barrier):
     state = random_state(np.random.default_rng(7), 2)
     exact, differenced = barrier.values(state), ForwardDifference(barrier, 1e-6).values(state)
-    np.testing.assert_array_equal(differenced.h, exact.h)
+    np.testing.assert_allclose(differenced.h, exact.h, rtol=1e-13, atol=1e-12)
     # a step of 1e-6 errs by half a second derivative, up to 1e5 m^2 in squared form, of it
     atol = 1e-1 if barrier.form == "squared" else 1e-3
     np.testing.assert_allclose(differenced.grad, exact.grad, rtol=1e-4, atol=atol)
@@ -371,8 +372,9 @@ def test_chosen_pairs_are_those_of_all_pairs_also_in_a_view(barrier):
     whole = barrier.values(state)
     chosen = np.array([7, 2, 3])
     part = barrier.values(state, whole.i[chosen], whole.j[chosen])
-    np.testing.assert_array_equal(part.h, whole.h[chosen])
-    np.testing.assert_allclose(part.grad, whole.grad[chosen], rtol=1e-13)
+    # Few pairs may be computed in plain numbers, which round otherwise.
+    np.testing.assert_allclose(part.h, whole.h[chosen], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(part.grad, whole.grad[chosen], rtol=1e-12)
 
     # In a view of two observers, (observer, vehicle) indices pick each pair from one of the worlds.
     other = random_state(np.random.default_rng(13), 5)
@@ -382,9 +384,40 @@ def test_chosen_pairs_are_those_of_all_pairs_also_in_a_view(barrier):
     seen = barrier.values(view, (observer, i), (observer, j))
     want = np.where(observer == 0, whole.h[chosen], barrier.values(other).h[chosen])
     np.testing.assert_allclose(seen.h, want, rtol=1e-14)
-    np.testing.assert_array_equal(seen.lie(view)[0][0], part.lie(state)[0][0])
+    np.testing.assert_allclose(seen.lie(view)[0][0], part.lie(state)[0][0], rtol=1e-12)
     with pytest.raises(ValueError, match="observer, vehicle"):
         barrier.values(view)
+
+
+@catalogue(TURNS)
+def test_a_few_pairs_in_plain_numbers_are_what_they_are_in_arrays(barrier):
+    """Known answers and finite differences above are of either kind; here they meet."""
+    n = np.size(barrier.sigma) if np.ndim(barrier.sigma) else 3
+    for seed in range(50):
+        reach = 10.0 if seed % 2 else 200.0  # near, also inside Ds where the root is continued
+        state = random_state(np.random.default_rng(seed), n, reach)
+        few, lie = barrier.values(state), barrier.values(state).lie(state)
+        # An observer's index, of which there is one only, makes it arrays.
+        alone = State.of(state.array()[None])
+        i, j = all_pairs(n)
+        zero = np.zeros_like(i)
+        many = barrier.values(alone, (zero, i), (zero, j))
+        np.testing.assert_allclose(few.h, many.h, rtol=1e-11, atol=1e-12)
+        np.testing.assert_allclose(few.grad, many.grad, rtol=1e-9, atol=1e-11)
+        for a, b in zip(lie, many.lie(alone), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("field", ["x", "theta", "z"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
+def test_few_pairs_with_no_number_in_them_are_refused_by_name(field, value):
+    state = random_state(np.random.default_rng(3), 3)
+    getattr(state, field)[1] = value
+    for barrier in TURNS.values():
+        if not np.ndim(barrier.sigma):
+            with pytest.raises(FloatingPointError, match="vehicles 1 and 2"):
+                barrier_rows(barrier, cubic(0.1), state)
 
 
 def test_the_manoeuvre_is_the_one_h_is_made_of():
