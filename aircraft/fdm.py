@@ -86,7 +86,7 @@ class Fdm:
         self._position = tuple(n[k].get_double_value for k in ("x", "y", "z", "altitude"))
         self._motion = tuple(n[k].get_double_value for k in ("u", "v", "w", "climb", "omega"))
         self._command = tuple(n[k].set_double_value for k in ("v_command", "omega_command", "zeta_command"))
-        self._posture = tuple(n[k].get_double_value for k in ("above_ground", "alpha", "roll"))
+        self._upset = n["alpha"].get_double_value, n["roll"].get_double_value
         self._wind: tuple[float, float, float] | None = None  # as last blown
 
     # -- loading
@@ -298,10 +298,10 @@ class Fdm:
         u, v, w, climb, omega = self._motion
         return u(), v(), w(), climb(), omega()
 
-    def posture(self) -> tuple[float, float, float]:
-        """Height over the terrain [m], angle of attack and bank [rad]."""
-        height, alpha, roll = self._posture
-        return height() * M_PER_FT, alpha(), roll()
+    def upset(self) -> tuple[float, float]:
+        """Angle of attack and bank [rad]."""
+        alpha, roll = self._upset
+        return alpha(), roll()
 
     def readings(self) -> list[float]:
         """What the channels of `telemetry` are made of, in JSBSim's units."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aircraft.airframe import Airframe
-from aircraft.earth import Origin, motion, positions
+from aircraft.earth import M_PER_FT, Origin, motion, positions
 from aircraft.fdm import Fdm, Start, telemetry
 from filters.unicycle import Array, Command, State
 
@@ -76,10 +76,11 @@ class JsbsimFleet:
         most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
         self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * n
         self._axes = self.origin.axes.tolist()
-        self._theta, self._rates = state.theta.tolist(), [[0.0] * 3 for _ in range(n)]
+        # course, ground speed, course rate and climb rate of each
+        self._moves = [(theta, 0.0, 0.0, 0.0) for theta in state.theta.tolist()]
         self._winds: list[list[float]] = []
         for i in range(n):
-            self._move(i)
+            self._moves[i] = self._motion(i)
         self._take(positions([x for f in self._vehicles for x in f.position()], self.origin))
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
@@ -94,7 +95,7 @@ class JsbsimFleet:
                 flown = vehicle.run((east, north, up), n)
                 rows += flown
                 # All that is wanted of it now, while it is in the processor's cache.
-                self._arrive(i, math.isfinite(sum(flown)), n * self.dt)
+                self._arrive(i, flown, n * self.dt)
         track = positions(rows, self.origin).reshape(-1, n, 3).swapaxes(0, 1)
         if not all(flying):
             flown_by, track = track, np.tile(self._position, (n, 1, 1))
@@ -113,53 +114,58 @@ class JsbsimFleet:
         n = len(self._vehicles)
         if command.shape != (n,):
             command = Command.of(np.broadcast_to(command.array(), (n, 3)))
+        if getattr(wind, "shape", ()) != (n, 3):
+            wind = np.broadcast_to(wind, (n, 3))
         asked = list(zip(command.v.tolist(), command.omega.tolist(), command.zeta.tolist(), strict=True))
-        winds = np.broadcast_to(wind, (n, 3)).tolist() if np.shape(wind) != (n, 3) else wind.tolist()
-        fine = all(math.isfinite(v + omega + zeta) for v, omega, zeta in asked)
+        winds = wind.tolist()
+        fine = math.isfinite(sum(map(sum, asked)))
         if winds != self._winds:
-            fine = fine and all(math.isfinite(east + north + up) for east, north, up in winds)
+            fine = fine and math.isfinite(sum(map(sum, winds)))
         if not fine:
             raise ValueError(f"command and wind must be finite, got {command} in {wind}")
         self._winds = winds
         return asked, winds
 
-    def _arrive(self, i: int, finite: bool, period: float) -> None:
-        """Take in the motion of vehicle i after `period` [s], and what has befallen it.
+    def _arrive(self, i: int, flown: list[float], period: float) -> None:
+        """Take in where vehicle i has flown in `period` [s], how it moves, and what has befallen it.
 
         A vehicle that has met a fault keeps the course it had and is at rest.
-        finite  whether all its positions are
+        flown  rows of `Fdm.run`
         """
-        theta = self._theta[i]
-        self._move(i)
-        finite = finite and math.isfinite(sum(self._rates[i]))
-        fault = self._lost(i, period) if finite else NOT_FINITE
+        motion = self._motion(i)
+        if math.isfinite(sum(flown) + sum(motion)):
+            fault = self._lost(i, flown[-1] * M_PER_FT - self.origin.ground_m, period)
+        else:
+            fault = NOT_FINITE
         if fault:
-            self._faults[i], self._theta[i], self._rates[i] = fault, theta, [0.0] * 3
+            self._faults[i], motion = fault, (self._moves[i][0], 0.0, 0.0, 0.0)
+        self._moves[i] = motion
 
-    def _lost(self, i: int, period: float) -> str:
-        """What has befallen vehicle i over the last `period` [s], "" for nothing."""
-        height, alpha, roll = self._vehicles[i].posture()
+    def _lost(self, i: int, height: float, period: float) -> str:
+        """What has befallen vehicle i, `height` [m] above ground, over `period` [s]; "" for nothing."""
         if height < _GROUND_CONTACT_M:
             return "ground"
+        alpha, roll = self._vehicles[i].upset()
         if abs(roll) > _UPSET_RAD:
             return "upset"
         self._stalled_s[i] = self._stalled_s[i] + period if alpha > self._stall[i] else 0.0
         return "stall" if self._stalled_s[i] > _STALL_S else ""
 
-    def _move(self, i: int) -> None:
-        """Take course, counting turns, and rates from vehicle i."""
-        course, *self._rates[i] = motion(self._vehicles[i].motion(), self._axes)
-        turned = course - self._theta[i]
+    def _motion(self, i: int) -> tuple[float, float, float, float]:
+        """Course of vehicle i, counting turns, and its rates."""
+        course, v, omega, zeta = motion(self._vehicles[i].motion(), self._axes)
+        before = self._moves[i][0]
+        turned = course - before
         if math.isfinite(turned):
-            self._theta[i] += turned - 2 * math.pi * round(turned / (2 * math.pi))
+            course = before + (turned - 2 * math.pi * round(turned / (2 * math.pi)))
+        return course, v, omega, zeta
 
     def _take(self, position: Array) -> None:
         """Be at `position` (N, 3) m, with the courses and rates that the vehicles have."""
         self._position = position
-        now = np.empty((4, len(position)))
-        now[0], now[1], now[3] = position.T
-        now[2] = self._theta
-        self._state, self._achieved = State.of(now.T), Command.of(np.array(self._rates))
+        now = np.array(self._moves)
+        self._state = State(position[:, 0], position[:, 1], now[:, 0], position[:, 2])
+        self._achieved = Command.of(now[:, 1:])
 
     def state(self) -> State:
         """Poses (N,): course and east-north-up position, the truth."""

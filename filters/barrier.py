@@ -5,9 +5,9 @@ Planar vectors are complex numbers, east + 1j north. The construction for any ma
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from dataclasses import dataclass, field
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -141,18 +141,20 @@ class TurnBarrier:
             radius = [radius] * len(theta)
         x, y, z = state.x.tolist(), state.y.tolist(), state.z.tolist()
         form, epsilon, delta = form_function(self.form), self.smoothing**2, self.delta
-        h, grad = [], []
+        numbers: list[float] = []
         for a, b in zip(i.tolist(), j.tolist(), strict=True):
-            heading_a = complex(math.cos(theta[a]), math.sin(theta[a]))
-            arm_a = radius[a] * heading_a
-            arm_b = radius[b] * complex(math.cos(theta[b]), math.sin(theta[b]))
+            cos_a, sin_a, cos_b, sin_b = cos(theta[a]), sin(theta[a]), cos(theta[b]), sin(theta[b])
+            arm_a, arm_b = radius[a] * complex(cos_a, sin_a), radius[b] * complex(cos_b, sin_b)
             d = complex(x[a] - arm_a.imag, y[a] + arm_a.real) - complex(x[b] - arm_b.imag, y[b] + arm_b.real)
             apart = arm_a - arm_b, d, z[a] - z[b]
-            tilt = delta * (-1 - 1j) * heading_a
+            tilt = delta * (-1 - 1j) * complex(cos_a, sin_a)
             c = clearance((arm_a, arm_b), apart, tilt, delta, epsilon, self.d_safe, form, NUMBERS)
-            h.append(c.h)
-            grad.append([c.x, c.y, c.theta_i, c.z, -c.x, -c.y, c.theta_j, -c.z])
-        return PairValues(i, j, np.array(h), np.array(grad).reshape(-1, 8))
+            numbers += c.h, c.x, c.y, c.theta_i, c.z, -c.x, -c.y, c.theta_j, -c.z
+            numbers += c.x * cos_a + c.y * sin_a, c.theta_i, c.z
+            numbers += -c.x * cos_b - c.y * sin_b, c.theta_j, -c.z
+        found = np.array(numbers).reshape(-1, 15)
+        sides = found[:, 9:12], found[:, 12:]
+        return PairValues(i, j, found[:, 0], found[:, 1:9], sides)
 
     def phasor(self, state: State) -> Array:
         """Z of every pair i < j (..., P), complex, m^2: the kink of h is where it is 0, smoothing apart.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
@@ -33,12 +32,14 @@ class PairValues:
     i, j  (P,) 0-based vehicles, i < j unless the caller chose them; as given when the caller gave indices
     h     (P,) m in root form, m^2 in squared form; h >= 0 is safe
     grad  (P, 8) dh/d[x_i, x_j], columns x, y, theta, z of vehicle i, then of j
+    sides  what `lie` gives, where it was made with h; else None
     """
 
     i: Index
     j: Index
     h: Array
     grad: Array
+    sides: tuple[Array, Array] | None = None
 
     def lie(self, state: State) -> tuple[Array, Array]:
         """L_g h of vehicles i and of j at `state`, each (P, 3) over (v, omega, zeta); L_f h = 0.
@@ -46,9 +47,8 @@ class PairValues:
         state  the state the values were computed at
         Source  Squires et al. 2022, eq. (2): g has the columns (cos theta, sin theta, 0, 0), e_3 and e_4.
         """
-        if len(self.h) <= FEW and len(state.shape) == 1:
-            with suppress(ValueError):  # an infinite course: an array has a nan for it
-                return self._lie_of_few(state)
+        if self.sides is not None:
+            return self.sides
         ahead = np.empty((2, *state.shape))
         np.cos(state.theta, out=ahead[0])
         np.sin(state.theta, out=ahead[1])
@@ -59,15 +59,6 @@ class PairValues:
             np.add(along[0], along[1], out=row[0])
         rows[:, 1:] = grad[:, 2:]
         return rows[0].T, rows[1].T
-
-    def _lie_of_few(self, state: State) -> tuple[Array, Array]:
-        theta, rows_i, rows_j = state.theta.tolist(), [], []
-        for i, j, (x_i, y_i, *turn_i, x_j, y_j, turn_j, z_j) in zip(
-            self.i.tolist(), self.j.tolist(), self.grad.tolist(), strict=True
-        ):
-            rows_i.append([x_i * math.cos(theta[i]) + y_i * math.sin(theta[i]), *turn_i])
-            rows_j.append([x_j * math.cos(theta[j]) + y_j * math.sin(theta[j]), turn_j, z_j])
-        return np.array(rows_i).reshape(-1, 3), np.array(rows_j).reshape(-1, 3)
 
 
 class Barrier(Protocol):

@@ -105,7 +105,9 @@ def barrier_rows(
     rhs = -np.asarray(alpha(pairs.h), dtype=float)
     rows = Rows(vehicle_of(pairs.i), vehicle_of(pairs.j), lie_i, lie_j, rhs, pairs)
     # A sum of squares is finite only if all its terms are; no finite barrier comes near overflowing it.
-    if not isfinite(sum(vdot(a.T, a.T) for a in (pairs.h, lie_i, lie_j, rhs))):
+    across_i, across_j = lie_i.T, lie_j.T  # as they lie in memory
+    total = vdot(pairs.h, pairs.h) + vdot(rhs, rhs) + vdot(across_i, across_i) + vdot(across_j, across_j)
+    if not isfinite(total):
         _name_infinite(rows)
     return rows
 
