@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from aircraft.fdm import Fdm
 from aircraft.fleet import JsbsimFleet
 from aircraft.kinematic import KinematicFleet
 from benchmarks.clock import BareStep, Shares, clock, flight, in_turn
@@ -70,10 +71,14 @@ def split(vehicles: int, bare: BareStep, duration_s: float) -> dict[str, float]:
 
 
 def _parts(s: Scenario) -> dict[str, float]:
-    """Seconds of one flight by kind; the barrier's are its rows, the QP's what else the filter does."""
+    """Seconds of one flight by kind; the barrier's are its rows, the QP's what else the filter does.
+
+    "JSBSim" is the part of "FDM" that the aircraft's own steps take in the flight, positions read.
+    """
     stamps: list[float] = []
     shares = Shares()
     with shares.of(
+        JSBSim=(Fdm, "run"),
         FDM=(KinematicFleet if s.plant == "unicycle" else JsbsimFleet, "step"),
         barrier=(CollisionFilter, "rows"),
         QP=(CollisionFilter, "__call__"),
@@ -85,7 +90,8 @@ def _parts(s: Scenario) -> dict[str, float]:
         whole = clock() - stamps[0]
     seconds = dict(shares.seconds)
     seconds["recording"] += seconds.pop("gathering") + seconds.pop("writing")
-    return seconds | {"rest": whole - sum(seconds.values())}
+    rest = whole - sum(seconds.values())
+    return seconds | {"FDM": seconds["FDM"] + seconds["JSBSim"], "rest": rest}
 
 
 def progress(text: str) -> None:
