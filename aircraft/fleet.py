@@ -76,7 +76,7 @@ class JsbsimFleet:
         most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
         self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * n
         self._axes = self.origin.axes.tolist()
-        # course, ground speed, course rate and climb rate of each
+        # course [rad], ground speed [m/s], course rate [rad/s] and climb rate [m/s] of each
         self._moves = [(theta, 0.0, 0.0, 0.0) for theta in state.theta.tolist()]
         self._winds: list[list[float]] = []
         for i in range(n):
@@ -98,8 +98,8 @@ class JsbsimFleet:
                 self._arrive(i, flown, n * self.dt)
         track = positions(rows, self.origin).reshape(-1, n, 3).swapaxes(0, 1)
         if not all(flying):
-            flown_by, track = track, np.tile(self._position, (n, 1, 1))
-            track[:, flying] = flown_by
+            moved, track = track, np.tile(self._position, (n, 1, 1))
+            track[:, flying] = moved
         for i, fault in enumerate(self._faults):
             if flying[i] and fault == NOT_FINITE:
                 known = np.isfinite(track[:, i]).all(axis=1)
@@ -132,14 +132,14 @@ class JsbsimFleet:
         A vehicle that has met a fault keeps the course it had and is at rest.
         flown  rows of `Fdm.run`
         """
-        motion = self._motion(i)
-        if math.isfinite(sum(flown) + sum(motion)):
+        moves = self._motion(i)
+        if math.isfinite(sum(flown) + sum(moves)):
             fault = self._lost(i, flown[-1] * M_PER_FT - self.origin.ground_m, period)
         else:
             fault = NOT_FINITE
         if fault:
-            self._faults[i], motion = fault, (self._moves[i][0], 0.0, 0.0, 0.0)
-        self._moves[i] = motion
+            self._faults[i], moves = fault, (self._moves[i][0], 0.0, 0.0, 0.0)
+        self._moves[i] = moves
 
     def _lost(self, i: int, height: float, period: float) -> str:
         """What has befallen vehicle i, `height` [m] above ground, over `period` [s]; "" for nothing."""
@@ -164,6 +164,7 @@ class JsbsimFleet:
         """Be at `position` (N, 3) m, with the courses and rates that the vehicles have."""
         self._position = position
         now = np.array(self._moves)
+        position.flags.writeable = now.flags.writeable = False  # handed out more than once
         self._state = State(position[:, 0], position[:, 1], now[:, 0], position[:, 2])
         self._achieved = Command.of(now[:, 1:])
 

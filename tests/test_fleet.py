@@ -45,6 +45,14 @@ def test_step_returns_every_position_and_ends_at_the_state(plant):
     assert np.all(np.linalg.norm(np.diff(track, axis=0), axis=2) > 0.05)
 
 
+def test_the_state_handed_out_stays_what_it_was(plant):
+    before = plant.state()
+    kept = before.array()
+    plant.step(Command([20.0, 22.0], [0.1, -0.1], [1.0, -1.0]), CALM, 3)
+    np.testing.assert_array_equal(before.array(), kept)
+    assert not np.array_equal(plant.state().array(), kept)
+
+
 def test_commands_are_reached_in_their_own_type(plant):
     asked = Command([20.0, 22.0], [0.1, -0.1], [1.0, -1.0])
     plant.step(asked, CALM, 1600)
