@@ -304,19 +304,19 @@ class Fdm:
         return alpha(), roll()
 
     def readings(self) -> list[float]:
-        """What the channels of `telemetry` are made of, in JSBSim's units."""
+        """The channels in JSBSim's units: a row for `telemetry`."""
         return [get() for get in self._readings]
 
     def telemetry(self) -> dict[str, float]:
         """The channels of `TELEMETRY` and the airframe's surfaces, SI."""
-        return {name: float(x[0]) for name, x in telemetry([self]).items()}
+        return {name: float(x[0]) for name, x in telemetry(self.readings(), self).items()}
 
 
-def telemetry(vehicles: Sequence[Fdm]) -> dict[str, Array]:
-    """`Fdm.telemetry` of vehicles with the same channels, (N,) each."""
-    rows = np.array([x for v in vehicles for x in v.readings()]).reshape(len(vehicles), -1)
-    factor, offset = vehicles[0].units.T
-    now = dict(zip(vehicles[0].channels, (rows * factor + offset).T.copy(), strict=True))
+def telemetry(readings: Sequence[float], like: Fdm) -> dict[str, Array]:
+    """`Fdm.telemetry` of N vehicles with the channels of one, (N,) each; `readings` one after another."""
+    factor, offset = like.units.T
+    rows = np.array(readings).reshape(-1, factor.size)
+    now = dict(zip(like.channels, (rows * factor + offset).T.copy(), strict=True))
     heading = now["heading_rad"]
     heading -= 2 * np.pi * np.rint(heading / (2 * np.pi))
     return now

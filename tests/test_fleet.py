@@ -102,6 +102,22 @@ def test_states_handed_out_do_not_change_later(plant):
     np.testing.assert_array_equal(rates.array(), kept[1])
 
 
+def test_telemetry_is_the_same_however_often_it_is_asked_for():
+    asked, told = Command([20.0, 22.0], [0.1, -0.1], [1.0, -1.0]), []
+    for every in (1, 2, 5):
+        fleet = JsbsimFleet([load("x8")] * 2)
+        fleet.reset(two(), np.random.default_rng(0))
+        for k in range(1, 11):
+            fleet.step(asked, CALM, 3)
+            if k % every == 0:
+                now = fleet.telemetry()
+                assert {n: x.tolist() for n, x in now.items()} == {
+                    n: x.tolist() for n, x in fleet.telemetry().items()
+                }
+        told.append({n: x.tolist() for n, x in now.items()})
+    assert told[0] == told[1] == told[2]
+
+
 def test_telemetry_is_one_number_per_vehicle():
     fleet = PLANTS["jsbsim"]()
     fleet.reset(two(), np.random.default_rng(0))
