@@ -20,7 +20,7 @@ from filters.pairs import Barrier, PairValues
 from filters.problem import Problem, manoeuvre
 from filters.qp import Status
 from filters.robust import Margin
-from filters.rows import Alpha, PerPair, Rows, barrier_rows, limited_rows, observed_rows
+from filters.rows import Alpha, PerPair, Rows, barrier_rows, limited_rows, observed_rows, shares
 from filters.unicycle import Array, Command, Limits, View
 
 # Smallest change of a command that counts as the filter's doing [m/s, rad/s, m/s]; QPs are solved to 1e-9.
@@ -128,20 +128,26 @@ class CollisionFilter:
         if self.mode == "centralised":
             raised, left = rows.raised(self.margin), rows.left(problem.clipped)
             if (left >= raised.rhs).all():
-                # What is wanted satisfies every row, as it mostly does: the optimum.
-                n = len(target)
-                solved = np.full(n, int(Status.SOLVED))
-                return decision(problem, problem.clipped, solved, np.zeros(n), rows.pairs, left)
+                return _as_wanted(problem, rows, left)
             u, status, residual = problem.centralised(raised)
-        else:
+        elif view.shared:
             gamma = self.gamma(len(target))
-            own = (
-                limited_rows(self.barrier, rows, len(target), gamma)
-                if view.shared
-                else observed_rows(self.barrier, self.alpha, view, gamma)
-            )
+            rhs_i, rhs_j = shares(self.barrier, rows, len(target), gamma, self.margin)
+            left_i, left_j = rows.left_of_each(problem.clipped)
+            if (left_i >= rhs_i).all() and (left_j >= rhs_j).all():
+                return _as_wanted(problem, rows, left_i + left_j)
+            u, status, residual = problem.limited(limited_rows(rows, rhs_i, rhs_j))
+        else:
+            own = observed_rows(self.barrier, self.alpha, view, self.gamma(len(target)))
             u, status, residual = problem.limited(own.raised(self.margin))
         return decision(problem, u, status, residual, rows.pairs, rows.left(u))
+
+
+def _as_wanted(problem: Problem, rows: Rows, hdot: Array) -> Decision:
+    """What is wanted, inside the limits, satisfies every row, as it mostly does: the optimum."""
+    n = len(problem.target)
+    solved = np.full(n, int(Status.SOLVED))
+    return decision(problem, problem.clipped, solved, np.zeros(n), rows.pairs, hdot)
 
 
 def input_set(view: View, nominal: Command, limits: Limits) -> tuple[Array, Array, Array]:

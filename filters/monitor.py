@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from filters.collision import CollisionFilter, Decision, Problem, input_set
 from filters.qp import Status
-from filters.rows import OwnRows, Rows, limited_rows
+from filters.rows import OwnRows, Rows, limited_rows, shares
 from filters.unicycle import Array, Command, Limits, View
 
 # Slack of a row divided by its norm below which it counts as active, and shortfall [m/s] that counts as one.
@@ -124,7 +124,7 @@ class Monitor:
             active = np.flatnonzero(np.abs(rows.left(u) - rows.rhs) <= ACTIVE * size)
             _see_cosines(see["aligned"], step, rows, active)
         try:
-            own = limited_rows(self.filter.barrier, rows, len(u), self.filter.gamma(len(u)))
+            own = limited_rows(rows, *shares(self.filter.barrier, rows, len(u), self.filter.gamma(len(u))))
         except ValueError:  # no manoeuvre: neither limited communication nor gamma exists
             return
         self._watch_limited(rows, own, problem, inside, u if solved else None)

@@ -43,6 +43,10 @@ class Rows:
         x, y, z = (self.lie_i * taken(u, self.i) + self.lie_j * taken(u, self.j)).T
         return x + y + z  # type: ignore[no-any-return]
 
+    def left_of_each(self, u: Array) -> tuple[Array, Array]:
+        """The two parts of `left`, vehicle i's and vehicle j's, (P,) each."""
+        return dot(self.lie_i, taken(u, self.i)), dot(self.lie_j, taken(u, self.j))
+
     def raised(self, margin: Margin | None) -> Rows:
         """The rows with each side's margin added to their right-hand side; see `filters.robust`."""
         if margin is None:
@@ -122,12 +126,15 @@ def _name_infinite(rows: Rows) -> None:
     )
 
 
-def shares(barrier: Barrier, rows: Rows, n: int, gamma: Array | None = None) -> tuple[Array, Array]:
+def shares(
+    barrier: Barrier, rows: Rows, n: int, gamma: Array | None = None, margin: Margin | None = None
+) -> tuple[Array, Array]:
     """The right-hand sides (P,) of the limited-communication rows of i and of j; they add up to the pair's.
 
     Each vehicle assumes that the other flies gamma and takes half of what both flying gamma leaves over
     (|V^j| = 2, L_f h = 0): rhs_i = -alpha(h)/2 - (L_g h_j gamma_j - L_g h_i gamma_i)/2.
     gamma   the barrier's manoeuvre (N, 3), if the caller has it at hand
+    margin  added to each side, beyond what adds up; see `filters.robust`
     Raises  ValueError if the barrier has no manoeuvre.
     Source  Squires et al. 2022, the QP of "Control calculation with limited communication".
     """
@@ -137,12 +144,14 @@ def shares(barrier: Barrier, rows: Rows, n: int, gamma: Array | None = None) -> 
         gamma = barrier.manoeuvre(n).array() if gamma is None else gamma
         gamma_i, gamma_j = taken(gamma, rows.i), taken(gamma, rows.j)
     difference = 0.5 * (dot(rows.lie_i, gamma_i) - dot(rows.lie_j, gamma_j))
-    return 0.5 * rows.rhs + difference, 0.5 * rows.rhs - difference
+    rhs_i, rhs_j = 0.5 * rows.rhs + difference, 0.5 * rows.rhs - difference
+    if margin is None:
+        return rhs_i, rhs_j
+    return rhs_i + _amount(margin, rows.lie_i), rhs_j + _amount(margin, rows.lie_j)
 
 
-def limited_rows(barrier: Barrier, rows: Rows, n: int, gamma: Array | None = None) -> OwnRows:
-    """Each pair's two limited-communication rows (2P,), i's and then j's, when all see the same."""
-    rhs_i, rhs_j = shares(barrier, rows, n, gamma)
+def limited_rows(rows: Rows, rhs_i: Array, rhs_j: Array) -> OwnRows:
+    """Each pair's two limited-communication rows (2P,), i's and then j's, from its `shares`."""
     return OwnRows(
         np.concatenate([rows.i, rows.j]),
         np.concatenate([rows.lie_i, rows.lie_j]),

@@ -14,7 +14,7 @@ from filters.alpha import cubic, linear
 from filters.barrier import EuclideanBarrier, PairValues, StraightBarrier, TurnBarrier
 from filters.collision import CollisionFilter, Passthrough, Problem
 from filters.qp import Status
-from filters.rows import barrier_rows, limited_rows, observed_rows
+from filters.rows import barrier_rows, limited_rows, observed_rows, shares
 from filters.unicycle import Command, Limits, State, View
 
 OMEGA_MAX = np.deg2rad(13)
@@ -80,7 +80,7 @@ def test_limited_rows_add_up_to_the_pairs_rows_and_gamma_satisfies_both(seed, n)
     rng = np.random.default_rng(seed)
     state = random_state(rng, n)
     rows = barrier_rows(TURN, ALPHA, state)
-    own = limited_rows(TURN, rows, n)
+    own = limited_rows(rows, *shares(TURN, rows, n))
     half = rows.rhs.size
     np.testing.assert_allclose(own.rhs[:half] + own.rhs[half:], rows.rhs, rtol=1e-12, atol=1e-9)
     gamma = TURN.manoeuvre(n).array()
@@ -101,7 +101,7 @@ def undropped(state, nominal, mode):
         matrix[np.arange(rows.rhs.size), rows.j] = rows.lie_j
         solution = qp.solve(target.ravel(), matrix.reshape(-1, 3 * n), rows.rhs, lower.ravel(), upper.ravel())
         return solution.u.reshape(n, 3)
-    own = limited_rows(TURN, rows, n)
+    own = limited_rows(rows, *shares(TURN, rows, n))
     return np.array(
         [
             qp.solve(target[v], own.lie[own.vehicle == v], own.rhs[own.vehicle == v], lower[v], upper[v]).u

@@ -18,7 +18,7 @@ from filters.collision import CollisionFilter, Passthrough
 from filters.predicted import Horizon, LaggedPose, Predicted
 from filters.qp import Status
 from filters.robust import BoundedError, InputToState, Sum
-from filters.rows import barrier_rows, limited_rows
+from filters.rows import barrier_rows, limited_rows, shares
 from filters.unicycle import Command, Limits, State, View, step
 
 OMEGA_MAX = np.deg2rad(13)
@@ -102,10 +102,10 @@ def test_the_bounded_margin_is_the_smallest_that_does_it(mode):
 @given(seed=st.integers(0, 2**31))
 def test_a_margin_is_split_by_sides_and_limited_rows_still_add_up(seed):
     rows = barrier_rows(TURN, ALPHA, random_state(rng_of(seed), 4))
-    own = limited_rows(TURN, rows, 4).raised(BOUNDS)
+    own = limited_rows(rows, *shares(TURN, rows, 4)).raised(BOUNDS)
     i, j = np.split(own.rhs, 2)
     np.testing.assert_allclose(i + j, rows.raised(BOUNDS).rhs, rtol=1e-12, atol=1e-9)
-    plain_i, _ = np.split(limited_rows(TURN, rows, 4).rhs, 2)
+    plain_i, _ = np.split(limited_rows(rows, *shares(TURN, rows, 4)).rhs, 2)
     np.testing.assert_allclose(i - plain_i, BOUNDS(rows.lie_i), rtol=1e-9, atol=1e-9)
 
 
