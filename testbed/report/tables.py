@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from math import degrees
 from typing import Any
@@ -43,9 +44,14 @@ def plain_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     # Text, for rich reads markup into brackets and a unit would vanish.
     table = Table(title=Text(title), title_justify="left", pad_edge=False, padding=(0, 1), box=None)
     for name in rows[0] if rows else ():
-        # Words stay whole; where a terminal is narrow, headings and long numbers break.
-        words = any(isinstance(row[name], str) for row in rows)
-        table.add_column(Text(name.replace("_", " ")), overflow="fold", no_wrap=words)
+        # Where a terminal is narrow words break at spaces, headings too, and numbers never.
+        heading = Text(name.replace("_", " "))
+        if any(isinstance(row[name], str) for row in rows):
+            table.add_column(heading)
+            continue
+        width = max(len(_short(row[name])) for row in rows)
+        broken = textwrap.fill(str(heading), width, break_long_words=False)
+        table.add_column(Text(broken), no_wrap=True)
     for row in rows:
         table.add_row(*(Text(_short(value)) for value in row.values()))
     return table

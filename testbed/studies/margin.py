@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from testbed.errors import UserError, nearest
 from testbed.scenario import Scenario
 from testbed.statistics import rate, zero_event_bound
-from testbed.studies.flying import fly_all
-from testbed.studies.measure import Fields, Job, measure, override
+from testbed.studies.flying import Notebook
+from testbed.studies.measure import Fields, Job, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +60,7 @@ KNOBS = {
     ),
     "derate": Knob(
         "share taken off gamma's turn rate",
-        (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
+        (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8),
         lambda x: {"remedy.derate": 1 - x},
     ),
 }
@@ -105,11 +105,13 @@ def find(
     seeds: int = 20,
     workers: int | None = None,
     measured: Callable[[Job], dict[str, Any]] = measure,
+    book: Notebook | None = None,
 ) -> Margin:
     """Sweep, bracket, bisect, certify.
 
     seeds     common seeds 1..seeds of the sweep; certificates use later ones
     measured  what flies a job (for tests)
+    book      runs flown before an interruption
     Raises    UserError for a knob unknown or beyond the scenario's filter, or a rate outside (0, 1).
     """
     if knob not in KNOBS:
@@ -119,11 +121,11 @@ def find(
     k = KNOBS[knob]
     for setting in k.grid:  # what the scenario cannot take is said before anything is flown
         override(s, k.fields(setting))
-    found = Margin(knob, k.unit, target_rate)
+    found, flown = Margin(knob, k.unit, target_rate), book or Notebook()
 
     def fly(setting: float, chosen: range, stage: str) -> Point:
         jobs = [Job(f"{knob} {setting:g}", override(s, k.fields(setting)), seed) for seed in chosen]
-        rows = fly_all(measured, jobs, workers, lambda job, row: f"{stage}: {job.label}, seed {job.seed}")
+        rows = flown.fly(measured, jobs, keys(jobs), workers, lambda job, row: f"{stage}: {said(job, row)}")
         found.points.append(_point(setting, rows, stage))
         return found.points[-1]
 
@@ -161,6 +163,28 @@ def find(
         high = above[0]
     found.setting = high
     return found
+
+
+def sentence(found: Margin) -> str:
+    """What was found, in words: the setting certified, or how near the others came."""
+    rate_, last = f"a rate of {found.target_rate:g}", f"{KNOBS[found.knob].grid[-1]:g}"
+    if found.certified:
+        return (
+            f"{found.knob} {found.setting:g} {found.unit} meets {rate_}: none lost on"
+            f" {found.points[-1].runs} fresh seeds, a rate below {found.bound:.4f} with 95 % confidence"
+        )
+    tried = [p for p in found.points if p.stage.startswith("certify")]
+    if tried:
+        lost = "; ".join(f"{p.violations} of {p.runs} lost at {p.setting:.4g}" for p in tried)
+        return (
+            f"no setting of {found.knob} up to {last} certified for {rate_}: good on the sweep's seeds, but"
+            f" on fresh ones {lost}"
+        )
+    best = min(found.points, key=lambda p: (p.violations, -p.least_distance_m))
+    return (
+        f"no setting of {found.knob} up to {last} meets {rate_}: the best, {best.setting:g} {found.unit},"
+        f" loses {best.violations} of {best.runs}"
+    )
 
 
 def _point(setting: float, rows: list[dict[str, Any]], stage: str) -> Point:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import json
 import math
@@ -16,7 +15,7 @@ import numpy as np
 from testbed.errors import UserError
 from testbed.report.page import reported
 from testbed.store import check_free, write_json
-from testbed.studies.flying import ROOT, Notebook, fly_all, notebook
+from testbed.studies.flying import Notebook, notebook
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -231,20 +230,13 @@ def _flown(
 ) -> list[dict[str, Any]]:
     """Rows of the points in order, those of an interrupted sweep taken from the notebook."""
 
-    def key(p: Point) -> str:
-        return json.dumps([p.gains, prepared])  # not where its gains file lies
+    keys = [json.dumps([p.gains, prepared]) for p in points]  # not where its gains file lies
 
-    waiting = [p for p in points if key(p) not in book.rows]
+    def said(p: Point, row: dict[str, Any]) -> str:
+        gains = ", ".join(f"{name} {value:.4g}" for name, value in p.gains)
+        return gains + (f": {row['min_distance_m']:.2f} m" if "min_distance_m" in row else "")
 
-    def done(p: Point, row: dict[str, Any]) -> str:
-        from testbed.store import plain
-
-        book.keep(key(p), plain(row))
-        said = ", ".join(f"{name} {value:.4g}" for name, value in p.gains)
-        return said + (f": {row['min_distance_m']:.2f} m" if "min_distance_m" in row else "")
-
-    fly_all(measure, waiting, workers, done)
-    return [book.rows[key(p)] for p in points]
+    return book.fly(measure, points, keys, workers, said)
 
 
 def _frame(rows: list[dict[str, Any]], sweeps: Sequence[Sweep]) -> pd.DataFrame:
@@ -274,8 +266,11 @@ def _changed(airframe: Airframe, source: str) -> dict[str, float]:
 
 
 def _fingerprint(airframe: Airframe) -> str:
-    """Of the airframe and of the code that flies and scores it: changed code never resumes old rows."""
-    digest = hashlib.sha256(airframe.fingerprint().encode())
-    for file in sorted([*(ROOT / "aircraft").glob("*.py"), *(ROOT / "aircraft" / "airframes").glob("*.eq")]):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:8]
+    """Of the airframe and of all that flies and scores it: neither changed code nor files resume old rows."""
+    from importlib.metadata import version
+
+    from aircraft.autopilot import EQUATIONS
+    from testbed.campaigns.identity import code_id, content_id
+
+    equations = EQUATIONS.read_text(encoding="utf-8")
+    return content_id([airframe.fingerprint(), code_id(__name__), version("control"), equations])
