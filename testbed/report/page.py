@@ -84,7 +84,7 @@ def part(folder: Path, name: str) -> Part:
 
 def _accounts() -> dict[str, Callable[[Path, str], Part]]:
     """What a folder's mark says it is -> who accounts for it."""
-    from testbed.report import campaign_part, other_parts, study_parts
+    from testbed.report import campaign_part, derived_parts, other_parts, study_parts
 
     return {
         "ladder.json": study_parts.ladder,
@@ -94,8 +94,8 @@ def _accounts() -> dict[str, Callable[[Path, str], Part]]:
         "tune.json": other_parts.tune,
         "figures.json": other_parts.figures,
         "falsify.json": other_parts.falsify,
-        "ledger.json": other_parts.anything,
-        "export.json": other_parts.anything,
+        "ledger.json": derived_parts.ledger,
+        "export.json": derived_parts.export,
         "campaign.json": campaign_part.part,
     }
 

@@ -157,7 +157,7 @@ def margin(
     rows = [
         {
             "stage": p.stage,
-            f"{knob} [{found.unit}]": round(p.setting, 4),
+            knob: round(p.setting, 4),
             "lost": f"{p.violations}/{p.runs}",
             "95 % CI": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
             "d [m]": round(p.least_distance_m, 2),
@@ -166,7 +166,7 @@ def margin(
         }
         for p in found.points
     ]
-    return Found(out, f"{s.name} on {s.plant}: margin by {knob}", rows, [data["sentence"]], data)
+    return Found(out, f"{s.name} on {s.plant}: margin by {knob}, {found.unit}", rows, [data["sentence"]], data)
 
 
 def answer(

@@ -215,7 +215,8 @@ def sweep(
         files = [f.name for f in draw(table, sweeps, airframe, scenario, folder)]
         records = table.to_dict("records")
         write_json(
-            folder / "tune.json", {"command": command, "rows": records, "files": ["sweep.csv", *files]}
+            folder / "tune.json",
+            provenance_of(command, airframe) | {"rows": records, "files": ["sweep.csv", *files]},
         )
     keep = [s.gain for s in sweeps] + ["missed", "omega_t63_s", "omega_overshoot", "phase_margin_deg"]
     keep += ["min_distance_m", "min_h_m"] if scenario is not None else ["v_settling_s", "zeta_t63_s"]
@@ -223,6 +224,17 @@ def sweep(
     title = f"{airframe.title}: " + ", ".join(s.gain for s in sweeps)
     title += f" in {scenario.name}" if scenario is not None else ""
     return Tuned(title, shown, [f"tables and plots in {out}"], {"folder": str(out), "rows": records})
+
+
+def provenance_of(command: str, airframe: Airframe) -> dict[str, Any]:
+    """What made a folder of gains: command, versions, the airframe's files."""
+    from testbed.catalogue import versions
+
+    return {
+        "command": command,
+        "versions": versions(),
+        "airframes": {airframe.name: airframe.fingerprint()},
+    }
 
 
 def _flown(
