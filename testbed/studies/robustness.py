@@ -166,7 +166,8 @@ def margin(
         }
         for p in found.points
     ]
-    return Found(out, f"{s.name} on {s.plant}: margin by {knob}, {found.unit}", rows, [data["sentence"]], data)
+    title = f"{s.name} on {s.plant}: margin by {knob}, {found.unit}"
+    return Found(out, title, rows, [data["sentence"]], data)
 
 
 def answer(
