@@ -136,6 +136,14 @@ def test_what_the_page_says_of_the_ladder() -> None:
     assert smooth.distance_m_change_high["interaction"] < 0
     assert smooth.distance_m_alone["latency"] == pytest.approx(-0.09, abs=5e-3)
     assert smooth.distance_m_change["latency"] == pytest.approx(-0.58, abs=5e-3)
+    slow = account("rascal-10")
+    assert (slow.lost["lags"], slow.lost["6-DOF"], slow.lost["latency"]) == (13, 14, 15)
+    changes = slow.distance_m_change[["lags", "total", "limits", "6-DOF", "latency"]].round(2).tolist()
+    assert changes == [-2.02, -2.85, -0.66, 0.16, -0.49]
+    assert slow.distance_m_change_low["interaction"] < 0 < slow.distance_m_change_high["interaction"]
+    runs = pd.read_csv(DATA / "ladder/rascal-10/runs.csv").set_index("seed")
+    worst = {rung: runs[runs.rung == rung].distance_m for rung in ("limits", "6-DOF")}
+    assert [(d.idxmin(), round(d.min(), 1)) for d in worst.values()] == [(20, 0.4), (20, 0.9)]
     for name, spread, least in (("x8", 1.6, 1.4), ("x8-10", 0.9, 3.6)):
         runs = pd.read_csv(DATA / "ladder" / name / "runs.csv")
         flown = runs[runs.rung == "6-DOF"].distance_m

@@ -41,10 +41,15 @@ def test_the_lower_edge_is_bisected_and_certified_on_fresh_seeds() -> None:
 def test_the_curve_tells_what_a_setting_costs() -> None:
     def dear(job: Job) -> dict[str, Any]:
         buffer = json.loads(job.data)["remedy"]["ds_buffer_m"]
-        return answer(job, False) | {"path_added_m": 10 * buffer + job.seed, "time_added_s": buffer}
+        return answer(job, False) | {
+            "path_added_m": 10 * buffer + job.seed,
+            "time_added_s": buffer,
+            "infeasible": job.seed,
+        }
 
     found = find(SCENARIO, "ds_buffer", 0.5, seeds=3, workers=1, measured=dear)
     at = {p.setting: p for p in found.points if p.stage == "sweep"}
+    assert at[2.0].infeasible == 1 + 2 + 3
     # the middle one of seeds 1 to 3
     assert (at[2.0].path_added_m, at[2.0].time_added_s) == (22.0, 2.0)
 

@@ -68,7 +68,10 @@ KNOBS = {
 
 @dataclass(frozen=True)
 class Point:
-    """One setting on some seeds; path, time and arrival are medians over its runs of the worst vehicle's."""
+    """One setting on some seeds; path, time and arrival are medians over its runs of the worst vehicle's.
+
+    infeasible  vehicle-steps without a solution, over all runs
+    """
 
     setting: float
     violations: int
@@ -76,6 +79,7 @@ class Point:
     rate_low: float
     rate_high: float
     least_distance_m: float
+    infeasible: int
     path_added_m: float | None
     time_added_s: float | None
     goal_passed_s: float | None
@@ -197,6 +201,7 @@ def _point(setting: float, rows: list[dict[str, Any]], stage: str) -> Point:
         lost.low,
         lost.high,
         min(distances, default=float("nan")),
+        sum(int(row.get("infeasible") or 0) for row in rows),
         _median([row.get("path_added_m") for row in rows]),
         _median([row.get("time_added_s") for row in rows]),
         _median([row.get("goal_passed_s") for row in rows]),
@@ -214,12 +219,12 @@ def _median(values: list[float | None]) -> float | None:
 def markdown(curve: pd.DataFrame) -> str:
     """A curve as Markdown, as the guide shows it: the sweep and what was certified."""
     lines = [
-        "| setting | stage | lost | 95 % interval | least d [m] | path added [m] | time added [s] |",
-        "|" + 7 * "---|",
+        "| setting | stage | lost | 95 % interval | least d [m] | no solution | path [m] | time [s] |",
+        "|" + 8 * "---|",
     ]
     lines += [
         f"| {p.setting:g} | {p.stage} | {p.violations} of {p.runs}"
-        f" | {100 * p.rate_low:.1f} to {100 * p.rate_high:.1f} % | {p.least_distance_m:.2f}"
+        f" | {100 * p.rate_low:.1f} to {100 * p.rate_high:.1f} % | {p.least_distance_m:.2f} | {p.infeasible}"
         f" | {p.path_added_m:.2f} | {p.time_added_s:.2f} |"
         for p in curve.sort_values("setting", kind="stable").itertuples()
         if p.stage != "bisect"

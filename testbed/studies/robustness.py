@@ -161,6 +161,7 @@ def margin(
             "lost": f"{p.violations}/{p.runs}",
             "95 % CI": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
             "d [m]": round(p.least_distance_m, 2),
+            "no QP": p.infeasible,
             "path [m]": _hundredths(p.path_added_m),
             "time [s]": _hundredths(p.time_added_s),
         }
