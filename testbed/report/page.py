@@ -79,7 +79,9 @@ def part(folder: Path, name: str) -> Part:
         raise UserError(f"{folder} is damaged: {type(error).__name__}: {error}") from None
     if (folder / "datasheet.json").is_file():
         raise UserError(f"{folder} is a datasheet, a page already: {folder / 'index.html'}")
-    raise UserError(f"{folder} holds nothing to report on (none of {', '.join(MARKS)})")
+    inside = sorted({str(f.parent) for mark in MARKS for f in folder.glob(f"*/{mark}")})
+    hint = f"give one of: {', '.join(inside[:5])}" if inside else "give a folder that a command wrote"
+    raise UserError(f"{folder} holds nothing to report on; {hint}")
 
 
 def _accounts() -> dict[str, Callable[[Path, str], Part]]:
