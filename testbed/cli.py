@@ -127,6 +127,8 @@ def compare(
     if ladder:
         if plants is not None:
             raise UserError("--plants: the ladder's rungs have their own; leave it out")
+        if seed is not None:
+            raise UserError("--seed: the ladder flies seeds from 1; say how many with --seeds")
         from testbed.studies.robustness import ladder as climb
 
         s = scenario_of(scenario, set_, seed, None)
