@@ -85,15 +85,21 @@ def test_luck_on_the_sweeps_seeds_is_not_a_certificate() -> None:
 
 def test_a_certificate_that_fails_moves_up_the_sweep() -> None:
     """Rare starts, which the sweep's seeds are not, need 3 m."""
+    seen: dict[float, set[int]] = {}
 
     def measured(job: Job) -> dict[str, Any]:
         buffer = json.loads(job.data)["remedy"]["ds_buffer_m"]
+        seen.setdefault(buffer, set()).add(job.seed)
         return answer(job, buffer < (2.8 if job.seed > 5 and job.seed % 10 == 0 else 0.8))
 
     found = find(SCENARIO, "ds_buffer", 0.05, seeds=5, workers=1, measured=measured)
     tried = [p.setting for p in found.points if p.stage.startswith("certify")]
     assert 0.8 <= tried[0] < 1.0 and tried[1:] == [1.0, 1.5] and not found.certified
     assert found.setting == 1.5
+    # each on seeds that neither the sweep nor another certificate has flown
+    fresh = [{seed for seed in seen[setting] if seed > 5} for setting in tried]
+    runs = [p.runs for p in found.points if p.stage.startswith("certify")]
+    assert [len(seeds) for seeds in fresh] == runs and len(set.union(*fresh)) == sum(runs)
 
 
 @pytest.mark.parametrize("knob", KNOBS)
