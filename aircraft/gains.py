@@ -121,5 +121,6 @@ def resolve(airframe: Airframe, name: str) -> str:
     exact = [k for k in found if re.fullmatch(re.escape(name) + _UNIT, k)]
     if len(found) == 1 or len(exact) == 1:
         return (exact or found)[0]
-    near = found or difflib.get_close_matches(name, known, 3) or known
-    raise ValueError(f"{airframe.name} has no gain {name}; there are {', '.join(near)}")
+    near = found or difflib.get_close_matches(name, known, 3)
+    sections = f"SECTION.NAME of airframe.toml, of the sections {', '.join(airframe.gains)}"
+    raise ValueError(f"{airframe.name} has no gain {name}; there are {', '.join(near) or sections}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import platform
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -217,6 +218,10 @@ def airframes(s: Scenario) -> list[Any]:
         known = {name: load(name) for name in sorted(set(s.airframes))}
     except (FileNotFoundError, ValueError) as error:
         raise UserError(f"airframes: {error}") from None
+    # Tables, recordings and hashes tell airframes apart by name.
+    for (one, a), (other, b) in itertools.combinations(known.items(), 2):
+        if a.name == b.name and (a.folder, a.gains) != (b.folder, b.gains):
+            raise UserError(f"airframes: {one} and {other} are both called {a.name}; rename one in its files")
     return [known[s.airframes[i % len(s.airframes)]] for i in range(s.vehicles)]
 
 

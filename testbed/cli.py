@@ -28,7 +28,6 @@ from testbed.cli_common import (
     PlantOption,
     ScenarioArg,
     SeedOption,
-    SeedsOption,
     SetOption,
     WorkersOption,
     count,
@@ -52,7 +51,30 @@ app = typer.Typer(
 )
 
 
-@app.command(epilog="Example: testbed run paper-2-turn --plant jsbsim --set d_safe_m=8 --out runs/wide")
+def _version(asked: bool) -> None:
+    if asked:
+        from testbed.catalogue import versions
+
+        print("\n".join(f"{name} {version}" for name, version in versions().items()))
+        raise typer.Exit
+
+
+@app.callback()
+def testbed(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="versions of this and of what it stands on"
+        ),
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
+@app.command(
+    short_help="One scenario on one plant, judged.",
+    epilog="Example: testbed run paper-2-turn --plant jsbsim --set d_safe_m=8 --out runs/wide",
+)
 def run(
     scenario: ScenarioArg,
     plant: PlantOption = None,
@@ -76,10 +98,15 @@ def run(
     print(f"run folder: {where}")
 
 
-@app.command(epilog="Example: testbed compare paper-2-turn --plants unicycle,jsbsim --out runs/head-on")
+@app.command(
+    short_help="One scenario on several plants, or up the fidelity ladder.",
+    epilog="Example: testbed compare paper-2-turn --plants unicycle,jsbsim --out runs/head-on",
+)
 def compare(
     scenario: ScenarioArg,
-    plants: Annotated[str, typer.Option("--plants", help="plants to compare")] = "unicycle,jsbsim",
+    plants: Annotated[
+        str | None, typer.Option("--plants", help="plants to compare; default unicycle,jsbsim")
+    ] = None,
     set_: SetOption = None,
     seed: SeedOption = None,
     out: OutOption = None,
@@ -90,22 +117,30 @@ def compare(
         bool,
         typer.Option("--ladder", help="climb the fidelity ladder instead: lags, 6-DOF, weather, network"),
     ] = False,
-    seeds: SeedsOption = 20,
+    seeds: Annotated[
+        int | None, typer.Option("--seeds", help="with --ladder: runs of each rung, from seed 1; default 20")
+    ] = None,
     workers: WorkersOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html too")] = True,
 ) -> None:
     """Fly one scenario on several plants: a table of guarantees, and figures with the plants overlaid."""
     if ladder:
+        if plants is not None:
+            raise UserError("--plants: the ladder's rungs have their own; leave it out")
+        if seed is not None:
+            raise UserError("--seed: the ladder flies seeds from 1; say how many with --seeds")
         from testbed.studies.robustness import ladder as climb
 
         s = scenario_of(scenario, set_, seed, None)
         where = out or Path("runs") / f"{s.name}-ladder"
-        show_study(climb(s, count(seeds), where, workers, overwrite), as_json)
+        show_study(climb(s, count(20 if seeds is None else seeds), where, workers, overwrite), as_json)
         return
+    if seeds is not None:
+        raise UserError("--seeds: only --ladder flies several; --seed N is one run's")
     from testbed.comparison import compare as fly_all
     from testbed.report.tables import scorecard
 
-    names = [p.strip() for p in plants.split(",") if p.strip()]
+    names = [p.strip() for p in (plants or "unicycle,jsbsim").split(",") if p.strip()]
     scenarios = {p: scenario_of(scenario, set_, seed, p) for p in names}
     if not scenarios:
         raise UserError("--plants: name at least one plant")
@@ -124,7 +159,7 @@ def compare(
         print(f"report, with playback: {where / 'report.html'}")
 
 
-@app.command("list", epilog="Example: testbed list --json")
+@app.command("list", short_help="The built-in scenarios.", epilog="Example: testbed list --json")
 def list_(as_json: JsonOption = False) -> None:
     """The built-in scenarios."""
     from testbed.scenario import builtin, load
@@ -133,7 +168,9 @@ def list_(as_json: JsonOption = False) -> None:
     show_named(rows, as_json)
 
 
-@app.command(epilog="Example: testbed schema > scenario.schema.json")
+@app.command(
+    short_help="Every field of a scenario file.", epilog="Example: testbed schema > scenario.schema.json"
+)
 def schema(
     as_markdown: Annotated[
         bool, typer.Option("--markdown", help="the reference page of the guide instead")
@@ -156,14 +193,26 @@ def schema(
 # Commands that live beside this module.
 app.add_typer(cli_studies.app)
 app.add_typer(cli_aircraft.app, name="aircraft")
-app.command("tune", epilog=cli_tune.TUNE_EXAMPLES)(cli_tune.tune)
-app.command(epilog=cli_report.EXAMPLE)(cli_report.report)
-app.command("export", epilog=cli_export.EXAMPLE)(cli_export.export)
-app.command(epilog=cli_ledger.EXAMPLE)(cli_ledger.ledger)
+app.command(
+    "tune", short_help="An airframe's gains scored, swept, optimised.", epilog=cli_tune.TUNE_EXAMPLES
+)(cli_tune.tune)
+app.command(short_help="One HTML page of what other commands wrote.", epilog=cli_report.EXAMPLE)(
+    cli_report.report
+)
+app.command("export", short_help="A run for Tacview, or as CSV.", epilog=cli_export.EXAMPLE)(
+    cli_export.export
+)
+app.command(short_help="Predicted against realised hdot of a run.", epilog=cli_ledger.EXAMPLE)(
+    cli_ledger.ledger
+)
 app.add_typer(cli_regress.app, name="regress")
 app.add_typer(cli_campaign.app, name="campaign")
-app.command(epilog=cli_falsify.EXAMPLES)(cli_falsify.falsify)
-app.command(epilog=cli_verify.EXAMPLE)(cli_verify.verify)
+app.command(short_help="Search for a violation, and shrink it.", epilog=cli_falsify.EXAMPLES)(
+    cli_falsify.falsify
+)
+app.command(short_help="Whether a run's verdicts follow from its positions.", epilog=cli_verify.EXAMPLE)(
+    cli_verify.verify
+)
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Airframes: what they can do, and whether a folder holds a good one.",
+    help="Airframes: datasheets, checks, copies to make your own of.",
 )
 
 NameArg = Annotated[
@@ -42,7 +42,9 @@ def list_(as_json: JsonOption = False) -> None:
     show_named(rows, as_json)
 
 
-@app.command(epilog="Example: testbed aircraft describe x8 --out datasheets/x8")
+@app.command(
+    short_help="An airframe's datasheet.", epilog="Example: testbed aircraft describe x8 --out datasheets/x8"
+)
 def describe(
     name: NameArg,
     out: OutOption = None,
@@ -81,8 +83,9 @@ def describe(
 
 
 @app.command(
+    short_help="Whether an airframe's folder is sound.",
     epilog="Examples: testbed aircraft check x8; testbed aircraft check my-wing;"
-    " exit code 0 clean, 1 findings, 2 bad input"
+    " exit code 0 clean, 1 findings, 2 bad input",
 )
 def check(
     name: NameArg,
@@ -112,7 +115,7 @@ def check(
         raise typer.Exit(1)
 
 
-@app.command(epilog="Example: testbed aircraft copy x8 my-wing")
+@app.command(short_help="A copy to make your own of.", epilog="Example: testbed aircraft copy x8 my-wing")
 def copy(
     name: NameArg,
     folder: Annotated[

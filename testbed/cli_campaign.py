@@ -26,7 +26,10 @@ ClusterOption = Annotated[
 ]
 
 
-@app.command(epilog="Example: testbed campaign run head-on-x8 --out runs/head-on --workers 2")
+@app.command(
+    short_help="Fly a campaign, or go on with it.",
+    epilog="Example: testbed campaign run head-on-x8 --out runs/head-on --workers 2",
+)
 def run(
     file: FileArg,
     out: Annotated[Path, typer.Option("--out", help="folder to write")],
@@ -66,7 +69,10 @@ def status(folder: FolderArg, as_json: JsonOption = False) -> None:
     _report(state, folder, as_json, flying=is_locked(folder))
 
 
-@app.command(epilog="Example: testbed campaign check my-campaign.toml")
+@app.command(
+    short_help="Read a campaign file and fly nothing.",
+    epilog="Example: testbed campaign check my-campaign.toml",
+)
 def check(file: FileArg, as_json: JsonOption = False) -> None:
     """Read a campaign file, resolve every run of it, and say how many there are. Flies nothing."""
     from testbed.campaigns.file import load
@@ -103,8 +109,6 @@ def schema() -> None:
 
 
 def _check_workers(workers: int | None, cluster: str | None) -> None:
-    if workers is not None and workers < 1:
-        raise UserError(f"--workers {workers}: give at least 1")
     if workers is not None and cluster is not None:
         raise UserError("--workers and --cluster: the cluster has its own workers; give one of the two")
 

@@ -21,15 +21,27 @@ ScenarioArg = Annotated[str, typer.Argument(help="a built-in scenario (see: test
 SetOption = Annotated[
     list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="override a field; may be repeated")
 ]
-OutOption = Annotated[Path | None, typer.Option("--out", help="folder to write; default runs/NAME")]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", help="folder to write; default one in runs, named for what it holds")
+]
 SeedOption = Annotated[int | None, typer.Option("--seed", help="seed of everything random in the run")]
 ForceOption = Annotated[bool, typer.Option("--force", help="fly even from a start outside the safe set")]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what an earlier run left there")]
 JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
 
 PlantOption = Annotated[str | None, typer.Option("--plant", help="unicycle, lagged or jsbsim")]
-SeedsOption = Annotated[int, typer.Option("--seeds", help="runs of a study, seeds 1 to this")]
-WorkersOption = Annotated[int | None, typer.Option("--workers", help="processes; default one a core")]
+SeedsOption = Annotated[int, typer.Option("--seeds", help="how many runs of each setting, from seed 1")]
+
+
+def _workers(asked: int | None) -> int | None:
+    if asked is not None and asked < 1:
+        raise UserError(f"--workers {asked}: give at least 1")
+    return asked
+
+
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", help="processes; default one a core", callback=_workers)
+]
 
 # Studies sample the filter as an autopilot would, 20 Hz, unless told otherwise.
 STUDY_RATES = ("rates.filter_dt_s=0.05", "rates.record_dt_s=1")

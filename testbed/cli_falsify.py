@@ -70,8 +70,6 @@ def falsify(
         raise UserError(f"--budget {budget}: give at least 1")
     if guarantee not in GUARANTEES:
         raise UserError(f"--guarantee {guarantee}: give {' or '.join(GUARANTEES)}")
-    if workers is not None and workers < 1:
-        raise UserError(f"--workers {workers}: give at least 1")
     space = Space.of(s, bounds(s, lateral, heading, height, wind, latency))
     with nullcontext() if workers == 1 else executor(workers) as pool:
         result = search(Flights(space, guarantee, budget, pool), seed, thorough)

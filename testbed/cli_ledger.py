@@ -83,7 +83,7 @@ def _write(flown: Run, data: dict, where: Path, overwrite: bool) -> None:  # typ
             figure = draw({flown.manifest["scenario"]["plant"]: flown}, data["near_h_m"])
             assert figure is not None
             save(figure, folder, "ledger")
-        write_json(folder / "ledger.json", data)
+        write_json(folder / "ledger.json", data | {"run": flown.manifest})
 
 
 def _print(run: Path, data: dict) -> None:  # type: ignore[type-arg]

@@ -23,8 +23,9 @@ BaselinesOption = Annotated[
 
 
 @app.command(
+    short_help="Fly and write a baseline.",
     epilog="Examples: testbed regress record x8-head-on --scenario paper-2-turn --set lookahead_m=10;"
-    ' testbed regress record x8-head-on --reason "turn gains retuned"'
+    ' testbed regress record x8-head-on --reason "turn gains retuned"',
 )
 def record(
     name: Annotated[str, typer.Argument(help="the baseline, NAME.json in the folder")],
@@ -69,7 +70,8 @@ def record(
 
 
 @app.command(
-    epilog="Example: testbed regress check x8-head-on; exit code 0 no worse, 1 degraded, 2 cannot be checked"
+    short_help="Fly baselines again; exit code 1 if worse.",
+    epilog="Example: testbed regress check x8-head-on; exit code 0 no worse, 1 degraded, 2 cannot be checked",
 )
 def check(
     names: Annotated[

@@ -25,7 +25,8 @@ def report(
 ) -> None:
     """Write one HTML page: verdict, scorecard, playback, ledger, figures, settings. It needs no network.
 
-    Runs, comparisons, ladders, remedies, margins, answers, sweeps and campaigns each have their page.
+    Runs, comparisons, ladders, remedies, margins, answers, sweeps, searches, ledgers, exported tables and
+    campaigns each have their page.
     """
     from testbed.report.page import PAGE_FILE, write
 

@@ -28,14 +28,14 @@ from testbed.errors import UserError
 app = typer.Typer()
 
 
-@app.command(epilog="Example: testbed figures --out figures")
+@app.command(short_help="The paper's figures, with errors.", epilog="Example: testbed figures --out figures")
 def figures(
     out: Annotated[Path, typer.Option("--out", help="folder to write")],
-    plant: Annotated[str, typer.Option("--plant", help="unicycle or jsbsim")] = "unicycle",
+    plant: Annotated[str, typer.Option("--plant", help="unicycle, lagged or jsbsim")] = "unicycle",
     kink: Annotated[bool, typer.Option("--kink", help="the kink study instead (some minutes)")] = False,
     onset: Annotated[bool, typer.Option("--onset", help="when overriding begins, instead")] = False,
     seeds: Annotated[int, typer.Option("--seeds", help="headings of the kink study")] = 20,
-    workers: Annotated[int | None, typer.Option("--workers", help="processes; default one a core")] = None,
+    workers: WorkersOption = None,
     set_: SetOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -64,14 +64,17 @@ def figures(
     print(f"{len(book.files)} files in {out}")
 
 
-@app.command(epilog="Example: testbed remedies paper-2-turn --set lookahead_m=10 --seeds 50")
+@app.command(
+    short_help="What restores the guarantee, at equal seeds.",
+    epilog="Example: testbed remedies paper-2-turn --set lookahead_m=10 --seeds 50",
+)
 def remedies(
     scenario: ScenarioArg,
     plant: PlantOption = "jsbsim",
     set_: SetOption = None,
     out: OutOption = None,
     seeds: SeedsOption = 20,
-    first_seed: Annotated[int, typer.Option("--first-seed", help="the first of them")] = 1,
+    first_seed: Annotated[int, typer.Option("--first-seed", help="the seed of the first run")] = 1,
     only: Annotated[
         list[str] | None, typer.Option("--only", metavar="NAME", help="fly only this remedy; may be repeated")
     ] = None,
@@ -88,11 +91,16 @@ def remedies(
     show_study(compare_remedies(s, chosen, only or [], where, workers, overwrite), as_json)
 
 
-@app.command(epilog="Example: testbed margin paper-2-turn --knob ds_buffer --target-rate 0.01")
+@app.command(
+    short_help="The smallest setting of a remedy that is enough.",
+    epilog="Example: testbed margin paper-2-turn --knob ds_buffer --target-rate 0.01",
+)
 def margin(
     scenario: ScenarioArg,
     knob: Annotated[str, typer.Option("--knob", help="ds_buffer, prediction, robust, issf or derate")],
-    target_rate: Annotated[float, typer.Option("--target-rate", help="of runs that lose Ds")] = 0.01,
+    target_rate: Annotated[
+        float, typer.Option("--target-rate", help="share of runs that may lose Ds")
+    ] = 0.01,
     plant: PlantOption = "jsbsim",
     set_: SetOption = None,
     out: OutOption = None,
@@ -109,7 +117,10 @@ def margin(
     show_study(find(s, knob, target_rate, count(seeds), where, workers, overwrite), as_json)
 
 
-@app.command(epilog="Example: testbed answer --airframes x8 --vehicles 2 --seeds 20")
+@app.command(
+    short_help="The central table: does the guarantee survive?",
+    epilog="Example: testbed answer --airframes x8 --vehicles 2 --seeds 20",
+)
 def answer(
     airframes: Annotated[str, typer.Option("--airframes", help="names or folders")] = "x8,rascal",
     vehicles: Annotated[str, typer.Option("--vehicles", help="2, 20 or both")] = "2,20",

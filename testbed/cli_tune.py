@@ -17,6 +17,7 @@ from testbed.cli_aircraft import (
     airframe_of,
     show_table,
 )
+from testbed.cli_common import WorkersOption
 from testbed.errors import UserError
 
 
@@ -35,13 +36,18 @@ def tune(
     optimise: Annotated[
         bool, typer.Option("--optimise", help="find gains that meet the specification")
     ] = False,
-    vary: Annotated[list[str] | None, typer.Option("--vary", metavar="GAIN", help="of --optimise")] = None,
-    seed: Annotated[int, typer.Option("--seed", help="of the first simplex of --optimise")] = 1,
-    starts: Annotated[int, typer.Option("--starts", help="simplices of --optimise, seeds counted up")] = 2,
-    evaluations: Annotated[int, typer.Option("--evaluations", help="at most so many a start")] = 300,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="GAIN", help="what --optimise may change; may be repeated"),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="of the first start of --optimise")] = 1,
+    starts: Annotated[int, typer.Option("--starts", help="searches of --optimise, seeds counted up")] = 2,
+    evaluations: Annotated[
+        int, typer.Option("--evaluations", help="at most so many scores a start of --optimise")
+    ] = 300,
     gains: GainsOption = None,
     out: OutOption = None,
-    workers: Annotated[int | None, typer.Option("--workers", help="processes; default one a core")] = None,
+    workers: WorkersOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:

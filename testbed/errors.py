@@ -34,4 +34,5 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if close:
         return "did you mean " + " or ".join(close) + "?"
     more = len(known) - LISTED
-    return "known: " + ", ".join(known[:LISTED]) + (f" and {more} more" if more > 0 else "")
+    between = "; " if any("," in name for name in known) else ", "
+    return "known: " + between.join(known[:LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -126,6 +126,8 @@ def _feasibility(f: Flown) -> Entry:
     )
     if f.scenario.filter.kind not in QP_FILTERS or f.tally.without_qp:
         return e | {"why": "the filter solves no QP"}
+    if not f.tally.filter_steps:
+        return e | {"verdict": PREMISE, "why": "no QP was solved"}
     failures, inside = sum(f.tally.qp_failures.values()), f.tally.failures_inside
     e.update(value=failures, bound=0, margin=-failures)
     e["detail"] = dict(sorted(f.tally.qp_failures.items())) | {"in_safe_set": inside}

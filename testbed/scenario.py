@@ -122,7 +122,7 @@ def builtin() -> dict[str, str]:
     folder = resources.files("testbed") / "scenarios"
     return {
         f.name.removesuffix(".toml"): f.read_text(encoding="utf-8")
-        for f in sorted(folder.iterdir(), key=lambda f: f.name)
+        for f in sorted(folder.iterdir(), key=lambda f: f.name.removesuffix(".toml"))
         if f.name.endswith(".toml")
     }
 
@@ -185,6 +185,8 @@ def _explain(error: Any, model: type[Section]) -> str:
         return f"{path}: unknown field; {nearest(str(last), _fields_at(parents, model))}"
     message = error["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
+    if error["type"] == "list_type":
+        message = f"write a list, such as {path}=[{error['input']!r}]"
     got = f", got {short(repr(error['input']))}" if path and not isinstance(error["input"], dict) else ""
     return f"{path}: {message}{got}" if path else message
 

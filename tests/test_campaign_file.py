@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import get_args
 
 import numpy as np
 import pytest
 
 from testbed import scenario
-from testbed.campaigns import file
+from testbed.campaigns import file, view
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import Campaign, Distribution, Guarantee
 from testbed.campaigns.identity import ROOT, code_id, content_id, modules
@@ -203,3 +204,27 @@ def test_the_schema_of_campaign_files_is_a_json_schema(
 ) -> None:
     assert call("campaign", "schema") == 0
     assert json.loads(capsys.readouterr().out)["properties"]["seeds"]["description"]
+
+
+def test_the_view_says_done_failed_running_the_rate_with_its_interval_and_the_time_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr(view.time, "monotonic", lambda: now[0])
+    asked = SimpleNamespace(name="c", guarantee="separation")
+    rows = {
+        verdict: {"status": status, "guarantees": {"separation": [5.0, verdict]}}
+        for verdict, status in (("holds", "flown"), ("violated", "flown"), ("not applicable", "failed"))
+    }
+    state = SimpleNamespace(plan=SimpleNamespace(campaign=asked), entries={"a": {"row": rows["holds"]}})
+    shown = view.View()
+    with shown.showing(state, 12, SimpleNamespace(workers=2)):
+        for verdict in ("holds", "violated", "not applicable"):
+            now[0] += 10.0
+            shown.done(rows[verdict])
+        # One was there before: three took 30 s, eight are left. 2 of 4 lost: [6.8, 93.2] by the binomial.
+        assert str(shown) == (
+            "4 of 12 done, 1 failed, 2 running, separation lost in 50.0 % [6.8, 93.2], 1 min 20 s left"
+        )
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "c: 1 of 12 done, 0 failed" and said[-1] == "c: 4 of 12 done, 1 failed"

@@ -69,6 +69,10 @@ MISTAKES = {
     ("run", "paper-2-straight", "--set", "speed_step=0"): "equal straight speeds",
     ("compare", "paper-2-turn", "--plants", "unicycle,glider"): "plant: input should be 'unicycle'",
     ("compare", "paper-2-turn", "--plants", ","): "name at least one plant",
+    ("compare", "paper-2-turn", "--seeds", "3"): "only --ladder flies several",
+    ("compare", "paper-2-turn", "--ladder", "--plants", "unicycle"): "the ladder's rungs have their own",
+    ("compare", "paper-2-turn", "--ladder", "--seed", "3"): "say how many with --seeds",
+    ("run", "paper-2-turn", "--set", "airframes=x8"): "airframes: write a list, such as airframes=['x8']",
 }
 
 

@@ -323,6 +323,26 @@ def test_the_file_written_violates_by_the_very_value_found(
 
 
 @pytest.mark.slow
+def test_the_kink_of_twenty_unicycles_is_found_and_shrunk_without_being_told(
+    call: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The circle keeps 6.08 m as it stands, and the encounter is over by 12.5 s."""
+    sets = ["fdm_dt_s=0.02", "filter_dt_s=0.02", "record_dt_s=0.1", "duration_s=12.5", "manoeuvre_instants=0"]
+    out = tmp_path / "kink"
+    more = [x for s in sets for x in ("--set", s)] + ["--budget", 200, "--seed", 2, "--workers", 1]
+    assert call("falsify", "paper-20-turn", *more, "--out", out, "--json") == 0
+    data = json.loads(capsys.readouterr().out)
+    # Seeds 1 to 8 need 2 to 18 runs, starts alone.
+    assert data["violated"] and 1 < data["flights"] <= 200
+    assert data["nominal"]["margin"] > 1.0
+    assert len(data["found_departures"]) == 60 and 1 <= len(data["departures"]) <= 3
+    assert {d["kind"] for d in data["departures"]} <= {"lateral", "heading", "height"}
+    again = run(load(out / "scenario.toml"))
+    assert again.guarantee("separation")["value"] == data["result"]["value"] < 5.0
+    assert again.guarantee("rows-satisfied")["verdict"] == "holds"
+
+
+@pytest.mark.slow
 def test_one_metre_aside_costs_twenty_unicycles_ds_by_the_kink_alone() -> None:
     """What the search shrank paper-20-turn to; the smoothed barrier bears the same start."""
     file = Path(__file__).parent.parent / "docs/guide/data/falsify/kink.toml"

@@ -53,6 +53,20 @@ def test_remedies_in_the_guide_are_the_committed_tables(file: Path) -> None:
         assert of.infeasible.sum() == row.infeasible_steps
 
 
+def test_the_certificate_is_what_the_guide_and_the_readme_say() -> None:
+    (row,) = pd.read_csv(DATA / "certificate/remedies.csv").to_dict("records")
+    assert (row["violations"], row["n"], row["remedy"]) == (0, 300, "lags, buffer 0.5 m")
+    assert row["rate_high"] < 0.0125 and 0 < row["path_cost"] < 0.05
+    assert f"{row['least_distance_m']:.2f}" == "7.21"
+    assert "least distance 7.21 m, 0.3 % of path added" in guide("answer.md")
+    assert round(100 * row["path_cost"], 1) == 0.3
+    asked = json.loads((DATA / "certificate/remedies.json").read_text("utf-8"))
+    s = asked["scenario"]
+    assert asked["seeds"] == [1001, 1300] and (s["plant"], s["vehicles"], s["d_safe_m"]) == ("jsbsim", 2, 5.0)
+    readme = (ROOT / "README.md").read_text("utf-8")
+    assert "| two X8s, poses predicted by the identified lags, Ds + 0.5 m | **0 of 300** | 7.21 m |" in readme
+
+
 def test_the_robust_rows_in_the_guide_are_the_table() -> None:
     for r in pd.read_csv(DATA / "scorecard/robust.csv").itertuples():
         bounds = (r.robust_v_mps, r.robust_omega_degps, r.robust_zeta_mps)
@@ -136,6 +150,14 @@ def test_what_the_page_says_of_the_ladder() -> None:
     assert smooth.distance_m_change_high["interaction"] < 0
     assert smooth.distance_m_alone["latency"] == pytest.approx(-0.09, abs=5e-3)
     assert smooth.distance_m_change["latency"] == pytest.approx(-0.58, abs=5e-3)
+    slow = account("rascal-10")
+    assert (slow.lost["lags"], slow.lost["6-DOF"], slow.lost["latency"]) == (13, 14, 15)
+    changes = slow.distance_m_change[["lags", "total", "limits", "6-DOF", "latency"]].round(2).tolist()
+    assert changes == [-2.02, -2.85, -0.66, 0.16, -0.49]
+    assert slow.distance_m_change_low["interaction"] < 0 < slow.distance_m_change_high["interaction"]
+    runs = pd.read_csv(DATA / "ladder/rascal-10/runs.csv").set_index("seed")
+    worst = {rung: runs[runs.rung == rung].distance_m for rung in ("limits", "6-DOF")}
+    assert [(d.idxmin(), round(d.min(), 1)) for d in worst.values()] == [(20, 0.4), (20, 0.9)]
     for name, spread, least in (("x8", 1.6, 1.4), ("x8-10", 0.9, 3.6)):
         runs = pd.read_csv(DATA / "ladder" / name / "runs.csv")
         flown = runs[runs.rung == "6-DOF"].distance_m

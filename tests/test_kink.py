@@ -14,7 +14,7 @@ from testbed.simulate import run
 from testbed.start import generators, places
 from testbed.studies import kink
 from testbed.studies.figures import make
-from testbed.studies.flying import fly_all
+from testbed.studies.flying import fly_all, notebook
 
 SHORT = ("duration_s=0.2",)
 
@@ -130,11 +130,12 @@ def test_an_interrupted_study_resumes(tmp_path: Path, monkeypatch: pytest.Monkey
         return {"seed": case.seed, "min_distance_m": 6.0, "min_h_m": 1.0}
 
     monkeypatch.setattr(kink, "row", row)
-    with pytest.raises(KeyboardInterrupt):
-        kink.study(cases, tmp_path / "k", workers=1)
+    with pytest.raises(KeyboardInterrupt), notebook(tmp_path / "k", "kink") as book:
+        kink.study(cases, book, workers=1)
     assert len(list(tmp_path.iterdir())) == 1
     flown.append(0)
-    table = kink.study(cases, tmp_path / "k", workers=1)
+    with notebook(tmp_path / "k", "kink") as book:
+        table = kink.study(cases, book, workers=1)
     assert flown == [1, 2, 0, 3] and list(table.seed) == [1, 2, 3]
     assert not list(tmp_path.iterdir())
 

@@ -12,6 +12,7 @@ from aircraft.kinematic import KinematicFleet
 from filters.unicycle import Command
 from testbed import catalogue
 from testbed.scenario import Scenario, load, parse
+from testbed.studies.flying import Notebook, notebook
 from testbed.studies.ladder import Rung, account, alone, climb, cumulative, markdown, rates, rungs, summary
 from testbed.studies.measure import Job, default_starts, override
 
@@ -35,8 +36,8 @@ def scripted(job: Job) -> dict[str, Any]:
 
 
 @pytest.fixture
-def table(tmp_path: Path):  # type: ignore[no-untyped-def]
-    return climb(load("paper-2-turn"), SCRIPTED, 5, tmp_path / "l", workers=1, work=scripted)
+def table():  # type: ignore[no-untyped-def]
+    return climb(load("paper-2-turn"), SCRIPTED, 5, Notebook(), workers=1, work=scripted)
 
 
 def test_known_interacting_lags_are_accounted_for_exactly(table: Any) -> None:
@@ -64,9 +65,7 @@ class Lagging(KinematicFleet):
         return track
 
 
-def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s, wind: Lagging(s))
     beside = ", ".join(f"{{x_m=0, y_m={y}, course_deg=0, goal_x_m=300, goal_y_m={y}}}" for y in (0, 10))
     table_ = [
@@ -82,7 +81,7 @@ def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for(
         Rung("a", (("lags.v_delay_s", 0.5),), "ideal"),
         Rung("b", (("lags.omega_delay_s", 0.25),), "ideal"),
     ]
-    found = account(climb(s, ladder, 2, tmp_path / "l", workers=1), ladder, "distance_m")
+    found = account(climb(s, ladder, 2, Notebook(), workers=1), ladder, "distance_m")
     assert found.steps[0].value == pytest.approx(10.0)
     assert found.steps[1].difference.value == pytest.approx(-0.5)
     assert found.steps[2].alone.value == pytest.approx(-0.5)
@@ -131,10 +130,12 @@ def test_an_interrupted_climb_resumes_where_it_stopped(tmp_path: Path) -> None:
         return scripted(job)
 
     s = load("paper-2-turn")
-    with pytest.raises(KeyboardInterrupt):
-        climb(s, SCRIPTED, 5, tmp_path / "l", workers=1, work=fragile)
-    climb(s, SCRIPTED, 5, tmp_path / "l", workers=1, work=counted)
+    with pytest.raises(KeyboardInterrupt), notebook(tmp_path / "l", "ladder") as book:
+        climb(s, SCRIPTED, 5, book, workers=1, work=fragile)
+    with notebook(tmp_path / "l", "ladder") as book:
+        climb(s, SCRIPTED, 5, book, workers=1, work=counted)
     assert len(flown) == len(set(flown)) == 4 * 5
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_every_rung_is_a_valid_scenario_and_only_overrides() -> None:

@@ -11,7 +11,7 @@ import pytest
 from testbed.errors import UserError
 from testbed.scenario import load, parse
 from testbed.studies import remedies
-from testbed.studies.margin import KNOBS, find
+from testbed.studies.margin import KNOBS, find, sentence
 from testbed.studies.measure import Job, override
 
 SCENARIO = load("paper-2-turn")
@@ -35,15 +35,21 @@ def test_the_lower_edge_is_bisected_and_certified_on_fresh_seeds() -> None:
     assert 0.8 <= found.setting <= 0.8 + 0.5 / 2**4
     certificate = next(p for p in found.points if p.stage.startswith("certify"))
     assert certificate.runs >= 400 and found.bound <= 0.01
+    assert f"none lost on {certificate.runs} fresh seeds" in sentence(found)
 
 
 def test_the_curve_tells_what_a_setting_costs() -> None:
     def dear(job: Job) -> dict[str, Any]:
         buffer = json.loads(job.data)["remedy"]["ds_buffer_m"]
-        return answer(job, False) | {"path_added_m": 10 * buffer + job.seed, "time_added_s": buffer}
+        return answer(job, False) | {
+            "path_added_m": 10 * buffer + job.seed,
+            "time_added_s": buffer,
+            "infeasible": job.seed,
+        }
 
     found = find(SCENARIO, "ds_buffer", 0.5, seeds=3, workers=1, measured=dear)
     at = {p.setting: p for p in found.points if p.stage == "sweep"}
+    assert at[2.0].infeasible == 1 + 2 + 3
     # the middle one of seeds 1 to 3
     assert (at[2.0].path_added_m, at[2.0].time_added_s) == (22.0, 2.0)
 
@@ -60,6 +66,8 @@ def test_a_knob_that_helps_only_within_a_window_is_found_at_its_lower_edge() -> 
 def test_a_remedy_that_never_helps_is_said_so() -> None:
     found = find(SCENARIO, "derate", 0.01, seeds=3, workers=1, measured=lambda job: answer(job, True))
     assert found.setting is None and not found.certified
+    assert "no setting of derate up to 0.8 meets a rate of 0.01: the best, 0 share" in sentence(found)
+    assert sentence(found).endswith("loses 3 of 3")
 
 
 def test_luck_on_the_sweeps_seeds_is_not_a_certificate() -> None:
@@ -68,19 +76,30 @@ def test_luck_on_the_sweeps_seeds_is_not_a_certificate() -> None:
 
     found = find(SCENARIO, "ds_buffer", 0.01, seeds=5, workers=1, measured=lucky)
     assert not found.certified
+    said = sentence(found)
+    assert said.startswith(
+        "no setting of ds_buffer up to 6 certified for a rate of 0.01: good on the sweep's"
+    )
+    assert [said.count(f" lost at {x}") for x in ("0", "0.25", "0.5")] == [3, 1, 1]
 
 
 def test_a_certificate_that_fails_moves_up_the_sweep() -> None:
     """Rare starts, which the sweep's seeds are not, need 3 m."""
+    seen: dict[float, set[int]] = {}
 
     def measured(job: Job) -> dict[str, Any]:
         buffer = json.loads(job.data)["remedy"]["ds_buffer_m"]
+        seen.setdefault(buffer, set()).add(job.seed)
         return answer(job, buffer < (2.8 if job.seed > 5 and job.seed % 10 == 0 else 0.8))
 
     found = find(SCENARIO, "ds_buffer", 0.05, seeds=5, workers=1, measured=measured)
     tried = [p.setting for p in found.points if p.stage.startswith("certify")]
     assert 0.8 <= tried[0] < 1.0 and tried[1:] == [1.0, 1.5] and not found.certified
     assert found.setting == 1.5
+    # each on seeds that neither the sweep nor another certificate has flown
+    fresh = [{seed for seed in seen[setting] if seed > 5} for setting in tried]
+    runs = [p.runs for p in found.points if p.stage.startswith("certify")]
+    assert [len(seeds) for seeds in fresh] == runs and len(set.union(*fresh)) == sum(runs)
 
 
 @pytest.mark.parametrize("knob", KNOBS)

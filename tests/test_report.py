@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import shutil
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -19,7 +20,8 @@ from testbed import catalogue
 from testbed.comparison import compare
 from testbed.errors import UserError
 from testbed.record import Run
-from testbed.report import page, playback, run_part, scorecard
+from testbed.report import blocks, page, playback, run_part, scorecard
+from testbed.report.blocks import Part, Section, Table
 from testbed.report.style import style
 from testbed.scenario import load
 from testbed.simulate import run
@@ -205,6 +207,7 @@ def test_a_run_that_ended_early_says_so_and_keeps_nothing(
     why = "vehicle 2: ground by 0.200 s, the run ended there"
     assert "Separation not shown on lagged; kept on unicycle" in found.words
     assert f"the run did not finish: {why}" in found.words
+    assert "not judged, the run ended early: G1 separation" in found.words
     data = json.loads(found.json[0])
     assert data["plants"][1]["ended"] == why
     ends = [sum(p["t"]) * data["steps"]["t"] for p in data["plants"]]
@@ -259,6 +262,10 @@ def test_the_headline_never_hides_a_loss() -> None:
     assert scorecard.headline([none])[0] == "open"
     assert scorecard.headline([kept, void, lost])[0] == "lost"
     assert scorecard.headline([kept, lost])[1] == "Separation LOST on violated; kept on holds"
+    assert scorecard.headline([kept], ["x8"]) == (
+        "kept",
+        "Separation kept on holds, though h fell below zero on x8",
+    )
     assert lost.width < 40 < kept.width  # the bound stands at 40 %
 
 
@@ -320,6 +327,89 @@ def test_a_campaign_writes_its_page(tmp_path: Path, call: Callable[..., int]) ->
         and "0 of 6 runs lose separation" in Seen(text).words
     )
     assert len(table(seen(out), "id,")) == 6
+
+
+# -- what is made of one run
+
+
+@pytest.fixture(scope="module")
+def lost(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An encounter that lagged vehicles lose."""
+    folder = tmp_path_factory.mktemp("lost") / "run"
+    settings = ("plant=lagged", "lookahead_m=10", "filter_dt_s=0.05", "record_dt_s=0.05", "duration_s=9")
+    run(load("paper-2-turn", list(settings)), folder)
+    return folder
+
+
+def test_a_ledger_has_a_page(lost: Path, tmp_path: Path, call: Callable[..., int]) -> None:
+    assert call("ledger", lost, "--out", tmp_path / "l") == 0
+    data = json.loads((tmp_path / "l" / "ledger.json").read_text())
+    found, worst = seen(tmp_path / "l"), data["worst"][0]
+    assert f"At worst h falls {-worst['residual_mps']:.2f} m/s faster than promised" in found.words
+    assert f"At {worst['t_s']:.3f} s, vehicles 1 and 2" in found.words
+    assert f"turn rate {worst['omega']:+.2f}" in found.words
+    assert "paper-2-turn on lagged" in found.words and "nominal.lookahead_m" in found.words
+    assert len(table(found, "channel,")) == 6 and len(table(found, "t_s,vehicles")) == len(data["worst"])
+    assert "remedy.robust_omega_degps" in found.words
+
+
+def test_exported_tables_have_a_page(lost: Path, tmp_path: Path, call: Callable[..., int]) -> None:
+    assert call("export", lost, "--format", "csv", "--out", tmp_path / "e") == 0
+    found = seen(tmp_path / "e")
+    assert "Separation: violated, 4.0" in found.words
+    events = pd.read_csv(tmp_path / "e" / "events.csv")
+    assert len(events) and all(text in found.words for text in events.text)
+    rows = len(pd.read_csv(tmp_path / "e" / "vehicles.csv"))
+    assert f"vehicles.csv, the first 5 of {rows} rows" in found.words
+    # Tables travel whole where a browser takes them.
+    assert len(table(found, "t_s,vehicle,x_m")) == rows
+    assert "course, counter-clockwise from east" in found.words
+
+
+def test_a_table_too_long_to_travel_says_so(
+    lost: Path, tmp_path: Path, call: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert call("export", lost, "--format", "csv", "--out", tmp_path / "e") == 0
+    monkeypatch.setattr(blocks, "LONGEST_URI", 20_000)
+    found = seen(tmp_path / "e")
+    assert "rows; too long to travel in this page" in found.words
+    with pytest.raises(StopIteration):
+        table(found, "t_s,vehicle,x_m")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["as it stands", "shrunk", "nothing"])
+def test_a_search_has_a_page(kind: str, tmp_path: Path, call: Callable[..., int]) -> None:
+    rates = ("--set", "filter_dt_s=0.05", "--set", "record_dt_s=0.05", "--workers", 1)
+    plants = {"as it stands": ("lagged", 5), "shrunk": ("lagged", 40), "nothing": ("unicycle", 5)}
+    plant, budget = plants[kind]
+    more = ("--set", "ds_buffer_m=1.6") if kind == "shrunk" else ()
+    out = tmp_path / "f"
+    look = ("--set", "lookahead_m=10", "--plant", plant, "--budget", budget)
+    assert call("falsify", "paper-2-turn", *rates, *look, *more, "--out", out) == 0
+    data, found = json.loads((out / "falsify.json").read_text()), seen(out)
+    margin = f"{data['result']['margin']:.3g} m at {data['result']['t_s']:.3f} s, vehicles 1 and 2"
+    assert "bound of lateral_m" in found.words and "seed of the search" in found.words
+    assert data["reproduce"] in found.words
+    if kind == "nothing":
+        assert "Separation: no counterexample was found in 5 flights" in found.words
+        assert "proves nothing" in found.words and "The flight of the least margin" in found.words
+        return
+    assert margin in found.words and "The counterexample: paths" in found.words
+    if kind == "as it stands":
+        assert "violated as it stands, nothing was searched" in found.words
+        assert "None: the scenario as it stands." in found.words
+    else:
+        assert 0 < len(data["departures"]) <= len(data["found_departures"])
+        assert f"to {len(data['departures'])} departure" in found.words
+
+
+def test_rows_of_a_table_need_not_have_the_same_columns() -> None:
+    """A falsifier's wind has a direction, its starts have vehicles."""
+    rows = [{"kind": "lateral", "vehicle": 1}, {"kind": "wind", "towards_deg": 30.5}]
+    text = page.page([Part("t", "", "open", "", sections=[Section("s", [Table(rows)])])])
+    cells = re.findall(r"<t[dh](?: [^>]*)?>([^<]*)", text)
+    assert cells == ["kind", "vehicle", "towards deg", "lateral", "1", "–", "wind", "–", "30.5"]
 
 
 # -- the command

@@ -138,6 +138,14 @@ def test_gamma_flown_from_a_safe_state_keeps_what_h_promises_on_unicycles() -> N
     assert len(rows) == 8 and max(row["short_m"] for row in rows) < 0.02
 
 
+def test_a_manoeuvre_that_was_never_flown_from_a_safe_state_shows_nothing() -> None:
+    """Eight metres apart and head-on there is no way out from the start."""
+    lost = flown("manoeuvre_instants=2", *FINE, "radius_m=4", "lookahead_m=10", "duration_s=0.1")
+    assert lost.pairs.h_m.max() < 0.0
+    entry = lost.guarantee("manoeuvre-keeps-Ds")
+    assert (entry["verdict"], entry["value"]) == ("premise not met", None)
+
+
 DELAY_S = 0.4
 
 

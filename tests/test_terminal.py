@@ -55,6 +55,24 @@ def test_help_fits_a_terminal_and_ends_with_an_example(
     assert not silent, f"{name}: no help for {silent}"
 
 
+@pytest.mark.parametrize("group", ["", "aircraft", "campaign", "regress"])
+def test_lists_of_commands_say_each_in_a_whole_line(
+    group: str, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(*group.split(), "--help") == 0
+    text = capsys.readouterr().out
+    listed = text.partition("Commands:\n")[2].splitlines()
+    assert listed and "..." not in " ".join(listed) and max(map(len, listed)) <= 80
+    names = {name.removeprefix(group).split()[0] for name in COMMANDS if name.startswith(group)}
+    assert {line.split()[0] for line in listed} == names
+
+
+def test_the_program_says_its_version(call: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("--version") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("cbf-jsbsim-testbed ") and any(line.startswith("jsbsim ") for line in lines)
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_examples_are_commands_that_exist(name: str) -> None:
     for words in examples(COMMANDS[name]):
@@ -69,6 +87,43 @@ def test_a_program_can_read_the_answer(name: str) -> None:
     offered = any("--json" in p.opts for p in COMMANDS[name].params)
     assert offered or WITHOUT_JSON.get(name), f"{name} has no --json"
     assert not (offered and name in WITHOUT_JSON)
+
+
+WORKERS = [name for name, command in COMMANDS.items() if any("--workers" in p.opts for p in command.params)]
+
+
+@pytest.mark.parametrize("name", WORKERS)
+def test_no_workers_are_refused_before_anything_is_flown(
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    call: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    needed = [p for p in COMMANDS[name].params if p.required]
+    words = [w for p in needed for w in ([p.opts[0]] if p.opts[0].startswith("--") else []) + ["x8"]]
+    assert call(*name.split(), *words, "--workers", 0) == 2
+    assert capsys.readouterr().err == "error: --workers 0: give at least 1\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_in_tables_are_never_broken() -> None:
+    """Where a terminal is narrow words break at spaces, headings too."""
+    from rich.console import Console
+
+    from testbed.report.tables import plain_table
+
+    rows = [
+        {"rung": "latency", "least distance [m]": -12.3, "change [95 % CI]": "-2.02 [-2.30, -1.67]"},
+        {"rung": "loss", "least distance [m]": 4.05, "change [95 % CI]": "", "more": None},
+    ]
+    for width in (80, 40, 30):
+        console = Console(width=width)
+        with console.capture() as shown:
+            console.print(plain_table("t", rows))
+        words = shown.get().split()
+        assert {"-12.3", "4.05", "latency", "-2.02", "distance", "more", "-"} <= set(words), width
 
 
 @pytest.mark.slow

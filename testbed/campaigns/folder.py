@@ -90,19 +90,21 @@ class Journal:
     def keep(self, run: str, row: dict[str, Any], timing: dict[str, Any]) -> None:
         """On the disk when this returns. Raises OSError if it cannot be; nothing counts then."""
         text = json.dumps({"id": run, "row": row, "timing": timing}, allow_nan=False)
-        with self._path.open("ab") as file:
-            # Behind a line cut short a new one begins, or both would be lost.
-            torn = file.tell() > 0 and not self._ends_well()
-            file.write((b"\n" if torn else b"") + text.encode() + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
+        append(self._path, text)
         # As read back from the file: equal rows, whether flown now or before an interruption.
         self.entries[run] = {"row": json.loads(text)["row"], "timing": timing}
 
-    def _ends_well(self) -> bool:
-        with self._path.open("rb") as file:
+
+def append(path: Path, line: str) -> None:
+    """One more line, on the disk when this returns; behind one that a crash cut short it begins anew."""
+    with path.open("a+b") as file:
+        torn = b""
+        if file.seek(0, os.SEEK_END):
             file.seek(-1, os.SEEK_END)
-            return file.read(1) == b"\n"
+            torn = b"" if file.read(1) == b"\n" else b"\n"
+        file.write(torn + line.encode() + b"\n")
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def replace(path: Path, write: Any) -> None:

@@ -9,6 +9,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from testbed import catalogue
+from testbed.scenario import Scenario, parse
+
 ROOT = Path(__file__).parent.parent.parent
 _OURS = r"((?:filters|aircraft|testbed)[\w.]*)"
 _IMPORT = re.compile(rf"^\s*(?:from {_OURS} import (\([^)]*\)|.+)|import {_OURS})", re.MULTILINE)
@@ -40,12 +43,47 @@ def modules(start: str = "testbed.simulate") -> list[Path]:
 @cache
 def code_id(start: str = "testbed.simulate") -> str:
     """Of the code that a run is computed by and of the packages it stands on; drawing is not part of it."""
-    from testbed.catalogue import versions
-
-    digest = hashlib.sha256(json.dumps(versions(), sort_keys=True).encode())
+    digest = hashlib.sha256(json.dumps(catalogue.versions(), sort_keys=True).encode())
     for file in modules(start):
         digest.update(str(file.relative_to(ROOT)).encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+class AirframeHashes:
+    """What a run has of airframes' files and gains, read once for each set of airframes."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, ...], dict[str, str]] = {}
+
+    def of(self, s: Scenario) -> dict[str, str]:
+        """Airframe -> SHA-256; empty where neither the plant nor a prediction knows an airframe."""
+        lags = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
+        if s.plant != "jsbsim" and not lags:
+            return {}
+        key = tuple(s.airframes)
+        if key not in self._known:
+            self._known[key] = {a.name: a.fingerprint() for a in catalogue.airframes(s)}
+        return self._known[key]
+
+
+class RunIds:
+    """Names of runs: what has an equal name was flown by equal code and packages, from equal files.
+
+    start  the module whose code makes a run's row
+    """
+
+    def __init__(self, start: str) -> None:
+        self._code = code_id(start)
+        self._hashes = AirframeHashes()
+        self._known: dict[str, tuple[dict[str, Any], dict[str, str]]] = {}
+
+    def of(self, data: str, seed: int) -> str:
+        """The name of a scenario (as JSON) under `seed`. Raises UserError for an airframe not there."""
+        if data not in self._known:
+            s = parse(json.loads(data))
+            self._known[data] = (s.model_dump(mode="json"), self._hashes.of(s))
+        content, hashes = self._known[data]
+        return content_id([content | {"seed": seed}, self._code, hashes])
 
 
 def _file(name: str) -> Path | None:

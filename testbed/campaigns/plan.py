@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from testbed import catalogue, scenario
+from testbed import scenario
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
-from testbed.campaigns.identity import code_id, content_id
+from testbed.campaigns.identity import AirframeHashes, code_id, content_id
 from testbed.errors import UserError, nearest
 from testbed.scenario import Scenario, assign, field_path
 
@@ -94,7 +94,7 @@ def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan
         count *= len(options)
     if count > MOST_RUNS:
         raise UserError(f"{campaign.name}: {count} runs are more than {MOST_RUNS}; thin an axis or the seeds")
-    code, hashes = code or code_id(), _Hashes()
+    code, hashes = code or code_id(), AirframeHashes()
     cells, runs = [], []
     for number, chosen in enumerate(itertools.product(*(o.items() for o in axes.values()))):
         parameters = dict(zip(axes, (label for label, _ in chosen), strict=True))
@@ -192,22 +192,6 @@ def _once(axes: dict[str, dict[Any, Fields]], drawn: dict[str, Any]) -> None:
 def _label(value: Any) -> Any:
     """A grid's value as a parameter: numbers, words and truth as they are, lists as text."""
     return value if isinstance(value, bool | int | float | str) else repr(value)
-
-
-class _Hashes:
-    """The airframes' hashes, read once for each set of airframes."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, ...], dict[str, str]] = {}
-
-    def of(self, s: Scenario) -> dict[str, str]:
-        known = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
-        if s.plant != "jsbsim" and not known:
-            return {}
-        key = tuple(s.airframes)
-        if key not in self._known:
-            self._known[key] = {a.name: a.fingerprint() for a in catalogue.airframes(s)}
-        return self._known[key]
 
 
 def rounds(plan: Plan) -> Iterator[tuple[int, int]]:

@@ -37,14 +37,14 @@ def events(run: Run) -> list[Event]:
     found = [_worst(g) for g in run.guarantees if g["t_s"] is not None and _told(g)]
     pairs, vehicles = run.pairs, run.vehicles
     d_safe = run.manifest["scenario"]["d_safe_m"]
+    unit = "m" if run.manifest["scenario"]["barrier"]["form"] == "root" else "m^2"
     if len(pairs):
         for row in _entered(pairs, ["i", "j"], pairs.distance_m < d_safe):
             text = f"closer than Ds {d_safe:g} m: {row.distance_m:.3f} m"
             found.append(Event(row.t_s, "below-ds", (row.i, row.j), text))
         for row in _entered(pairs, ["i", "j"], pairs.h_m < 0.0):
-            found.append(
-                Event(row.t_s, "outside-safe-set", (row.i, row.j), f"out of the safe set: h = {row.h_m:.3f}")
-            )
+            text = f"out of the safe set: h = {row.h_m:.3f} {unit}"
+            found.append(Event(row.t_s, "outside-safe-set", (row.i, row.j), text))
     for row in _entered(vehicles, ["vehicle"], vehicles.qp_status.isin(NO_SOLUTION)):
         text = f"no solution of the QP: {row.qp_status}; flies the evading manoeuvre"
         found.append(Event(row.t_s, "no-solution", (row.vehicle,), text))

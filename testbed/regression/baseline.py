@@ -117,7 +117,8 @@ def read(where: Path, name: str) -> Baseline:
     """
     path = place(where, name)
     if not path.is_file():
-        hint = nearest(name, known(where)) if known(where) else f"record it: testbed regress record {name}"
+        command = f"testbed regress record {name} --scenario SCENARIO"
+        hint = nearest(name, known(where)) if known(where) else f"record it: {command}"
         raise UserError(f"no baseline {name!r} in {where}; {hint}")
     found = parse_file(path)
     now = scenario_of(found.source, found.overrides, where)

@@ -42,6 +42,11 @@ class Table:
     downloads: tuple[Download, ...] = ()
     kind: str = "table"
 
+    @property
+    def columns(self) -> list[str]:
+        """Every name that a row has; rows need not have them all."""
+        return list(dict.fromkeys(name for row in self.rows for name in row))
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -151,6 +156,8 @@ def read_csv(text: str) -> list[dict[str, Any]]:
 
 
 def number(text: str) -> Any:
+    if text in ("True", "False"):
+        return text == "True"
     for kind in (int, float):
         try:
             return kind(text)

@@ -44,7 +44,11 @@ def part(folder: Path, title: str) -> Part:
         details.append(f"{voided} of them were refused or failed.")
     rows = [_row(c) for c in cells]
     tables: list[Block] = [
-        Table(rows, "A row per cell", downloads=download("cells (CSV)", "cells.csv", pd.DataFrame(rows)))
+        Table(
+            rows,
+            f"A row per cell; {_quantity(guarantee)}",
+            downloads=download("cells (CSV)", "cells.csv", pd.DataFrame(rows)),
+        )
     ]
     return Part(
         title=f"campaign {manifest['name']}",
@@ -55,13 +59,27 @@ def part(folder: Path, title: str) -> Part:
         facts=facts[:MOST_FACTS],
         sections=[
             Section("Campaign", [_picture(cells, runs, guarantee, manifest), *tables]),
-            Section("Settings and provenance", settings.of_study(manifest | {"scenario": _base(manifest)})),
+            Section("Settings and provenance", [_asked(manifest), *_provenance(manifest)]),
         ],
     )
 
 
 def _guarantee(manifest: Mapping[str, Any]) -> str:
     return str(manifest["campaign"]["guarantee"])
+
+
+def _quantity(guarantee: str) -> str:
+    return "distances [m]" if guarantee == "separation" else f"values of {guarantee}"
+
+
+def _asked(manifest: Mapping[str, Any]) -> Block:
+    """The campaign's file: axes, draws, seeds and stopping rule, as far as it has them."""
+    asked = {k: v for k, v in manifest["campaign"].items() if v not in (None, [], {}, "")}
+    return Table([{"field": k, "value": settings.said(v)} for k, v in asked.items()], "The campaign")
+
+
+def _provenance(manifest: Mapping[str, Any]) -> list[Block]:
+    return settings.of_study({**manifest, "scenario": _base(manifest)})
 
 
 def _base(manifest: Mapping[str, Any]) -> Any:

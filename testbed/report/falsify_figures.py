@@ -64,6 +64,7 @@ def margins(result: Falsified, unit: str, folder: Path) -> list[Path]:
                 a.plot([f.number for f in refused], [low] * len(refused), "|", ms=6, color="0.5")
             a.axhline(0.0, **LIMIT)
             a.xaxis.set_major_locator(pyplot.MaxNLocator(integer=True))
+            a.set_xlim(0.5, max((f.number for f in flown), default=1) + 0.5)
             a.set(xlabel="flight", title=f"{title} (cross: violated, tick: refused)")
             a.legend(loc="best")
         axes[0, 0].set_ylabel(f"margin of {result.guarantee}" + (f" [{unit}]" if unit else ""))

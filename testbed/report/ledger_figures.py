@@ -39,7 +39,7 @@ def ledger(runs: Mapping[str, Run], near_h_m: float = NEAR_H_M) -> Figure | None
     figure, axes = plt.subplots(
         len(drawn),
         2,
-        figsize=(PAGE, 2.4 * len(drawn) + 0.3),
+        figsize=(PAGE, 2.4 * len(drawn) + 0.5),
         layout="constrained",
         squeeze=False,
         width_ratios=(3, 2),
@@ -48,7 +48,8 @@ def ledger(runs: Mapping[str, Run], near_h_m: float = NEAR_H_M) -> Figure | None
         _over_time(row[0], name, near(runs[name], near_h_m), found[name])
         _quantiles(row[1], found[name])
     axes[0][1].set_title("Quantiles: 5 to 95 %, all")
-    axes[0][0].legend(loc="best", ncols=2)
+    # Below the panels: within, it hides the curves of one run or another.
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure
 
 

@@ -1,15 +1,27 @@
-"""Tuned gains, the paper's figures, searches, and folders nothing more is known of, as parts of a report."""
+"""Tuned gains, the paper's figures and searches as parts of a report."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from testbed.report import settings
-from testbed.report.blocks import KEPT, LOST, OPEN, Block, Listing, Part, Section, Table, download, read_csv
+from testbed.report.blocks import (
+    KEPT,
+    LOST,
+    OPEN,
+    Block,
+    Listing,
+    Note,
+    Part,
+    Section,
+    Table,
+    download,
+    read_csv,
+)
 from testbed.report.folder_files import about, attached, csv_text, finite, json_of, pictures, text_of
 
 # Rows of a table on the page; its file has them all.
-MOST_ROWS = 200
+MOST_ROWS = 30
 
 
 def tune(folder: Path, title: str) -> Part:
@@ -20,7 +32,8 @@ def tune(folder: Path, title: str) -> Part:
     if (folder / "sweep.csv").is_file():
         text, status = f"{len(rows)} sets of gains flown", OPEN
         fewest = min(rows, key=lambda r: finite(r.get("missed")))
-        details = [f"Fewest bounds of the step specification missed at one of them: {fewest.get('missed')}."]
+        where = ", ".join(f"{name} {value:.4g}" for name, value in fewest.items() if "." in name)
+        details = [f"Fewest bounds of the step specification are missed at {where}: {fewest.get('missed')}."]
         blocks += pictures(
             folder,
             ("sweep",),
@@ -79,41 +92,47 @@ def figures(folder: Path, title: str) -> Part:
 
 def falsify(folder: Path, title: str) -> Part:
     """The search for a scenario that breaks a guarantee."""
-    from testbed.studies.falsify_report import sentences
+    from testbed.studies.falsify_report import counted, sentences
 
     data = json_of(folder / "falsify.json")
     found = "a counterexample was found" if data["violated"] else "no counterexample was found"
+    bounds = {f"bound of {name}": value for name, value in data["bounds"].items()}
+    search = {"guarantee": data["guarantee"], "budget": data["budget"], "seed of the search": data["seed"]}
+    flights = read_csv(text_of(folder / "flights.csv"))
+    shown = f", the first {MOST_ROWS} of {len(flights)}" if len(flights) > MOST_ROWS else ""
+    sheet = folder / "flights.csv"
+    path = "The counterexample" if data["violated"] else "The flight of the least margin"
+    departures = Table(data["departures"]) if data["departures"] else Note("None: the scenario as it stands.")
     return Part(
         title=title,
         what=about(data, f"the search for what breaks {data['guarantee']}"),
         # A search that finds nothing proves nothing.
         status=LOST if data["violated"] else OPEN,
-        headline=f"{data['guarantee']}: {found} in {data['flights']} flights",
+        headline=f"{data['guarantee'].capitalize()}: {found} in {counted(data['flights'], 'flight')}",
         details=sentences(data),
         sections=[
-            Section("Departures from the scenario", [Table(data["departures"])]),
-            Section("Figures and tables", _everything(folder)),
-            Section("Settings and provenance", settings.of_study(data | {"command": data["reproduce"]})),
+            Section("Departures from the scenario", [departures]),
+            Section(
+                "Flights",
+                [
+                    *pictures(
+                        folder,
+                        ("counterexample",),
+                        f"{path}: paths, and distance and h of the worst pair",
+                        None,
+                        [],
+                    ),
+                    *pictures(folder, ("margin",), "The margin of every flight", sheet, flights),
+                    Table(flights[:MOST_ROWS], "Flights" + shown, downloads=attached(sheet)),
+                    Listing("scenario.toml, which shows it", text_of(folder / "scenario.toml")),
+                ],
+            ),
+            Section(
+                "Settings and provenance",
+                [
+                    Table([{"what": k, "value": v} for k, v in (search | bounds).items()], "The search"),
+                    *settings.of_study(data | {"command": data["reproduce"]}),
+                ],
+            ),
         ],
     )
-
-
-def anything(folder: Path, title: str) -> Part:
-    """A folder of which no more is known than its files."""
-    return Part(
-        title=title,
-        what="Figures and tables of the folder.",
-        status=OPEN,
-        headline="Not a verdict: figures and tables",
-        sections=[Section("Figures and tables", _everything(folder))],
-    )
-
-
-def _everything(folder: Path) -> list[Block]:
-    names = sorted(f.stem for f in folder.glob("*.png"))
-    tables = sorted(folder.glob("*.csv"))
-    return [
-        *(p for name in names for p in pictures(folder, (name,), name.capitalize(), None, [])),
-        *(Table(read_csv(text_of(f))[:MOST_ROWS], f.name, downloads=attached(f)) for f in tables),
-        *(Listing(f.name, text_of(f)) for f in sorted([*folder.glob("*.json"), *folder.glob("*.toml")])),
-    ]

@@ -79,12 +79,14 @@ def part(folder: Path, name: str) -> Part:
         raise UserError(f"{folder} is damaged: {type(error).__name__}: {error}") from None
     if (folder / "datasheet.json").is_file():
         raise UserError(f"{folder} is a datasheet, a page already: {folder / 'index.html'}")
-    raise UserError(f"{folder} holds nothing to report on (none of {', '.join(MARKS)})")
+    inside = sorted({str(f.parent) for mark in MARKS for f in folder.glob(f"*/{mark}")})
+    hint = f"give one of: {', '.join(inside[:5])}" if inside else "give a folder that a command wrote"
+    raise UserError(f"{folder} holds nothing to report on; {hint}")
 
 
 def _accounts() -> dict[str, Callable[[Path, str], Part]]:
     """What a folder's mark says it is -> who accounts for it."""
-    from testbed.report import campaign_part, other_parts, study_parts
+    from testbed.report import campaign_part, derived_parts, other_parts, study_parts
 
     return {
         "ladder.json": study_parts.ladder,
@@ -94,8 +96,8 @@ def _accounts() -> dict[str, Callable[[Path, str], Part]]:
         "tune.json": other_parts.tune,
         "figures.json": other_parts.figures,
         "falsify.json": other_parts.falsify,
-        "ledger.json": other_parts.anything,
-        "export.json": other_parts.anything,
+        "ledger.json": derived_parts.ledger,
+        "export.json": derived_parts.export,
         "campaign.json": campaign_part.part,
     }
 

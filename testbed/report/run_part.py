@@ -26,7 +26,8 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
     folder  where figures drawn of them may lie already, as figures/NAME.svg
     """
     facts = [scorecard.fact(label, run) for label, run in runs.items()]
-    status, headline = scorecard.headline(facts)
+    left = [label for label, run in runs.items() if scorecard.left_safe_set(run)]
+    status, headline = scorecard.headline(facts, left)
     first = next(iter(runs.values()))
     scenario = first.manifest["scenario"]
     what = f"{scenario['vehicles']} vehicles, Ds {scenario['d_safe_m']:g} m, {scenario['duration_s']:g} s"

@@ -103,8 +103,22 @@ def fact(label: str, run: Run) -> Fact:
     return Fact(label, status, text, e["value"] / e["bound"], color)
 
 
-def headline(facts: Sequence[Fact]) -> tuple[str, str]:
-    """The status of all together, and it in words."""
+def left_safe_set(run: Run) -> bool:
+    """Whether h went below zero though Ds was kept: luck or a remedy's room, and no invariance."""
+    kept = run.guarantee("separation")["verdict"] == HOLDS
+    return kept and run.guarantee("safe-set")["verdict"] == VIOLATED
+
+
+def headline(facts: Sequence[Fact], left: Sequence[str] = ()) -> tuple[str, str]:
+    """The status of all together, and it in words.
+
+    left  runs that kept Ds and left the safe set
+    """
+    status, text = _separation(facts)
+    return status, text + (f", though h fell below zero on {_and(left)}" if left else "")
+
+
+def _separation(facts: Sequence[Fact]) -> tuple[str, str]:
     by = {status: [f.name for f in facts if f.status == status] for status in (LOST, OPEN, KEPT)}
     if by[LOST]:
         text = "Separation LOST on " + _and(by[LOST])
@@ -132,9 +146,10 @@ def other_claims(label: str, run: Run) -> str:
     ]
     held = sum(g["verdict"] == HOLDS for g in judged)
     text = f"{label}: {held} of {len(judged)} judged claims hold"
+    why = "the run ended early" if run.manifest["ended_early"] else "a premise failed"
     for said, found in (
         ("violated", named(VIOLATED, False)),
-        ("not judged, a premise failed", named(PREMISE, False)),
+        (f"not judged, {why}", named(PREMISE, False)),
         ("premises not met", named(PREMISE, True)),
     ):
         text += f"; {said}: {', '.join(found)}" if found else ""

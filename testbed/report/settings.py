@@ -26,11 +26,21 @@ def of_study(data: Mapping[str, Any]) -> list[Block]:
     scenario = data.get("scenario")
     if scenario:
         blocks.append(Table(changed({"value": scenario}), "Settings that are not defaults"))
-    keys = ("seeds", "command", "knob", "unit", "target_rate", "schema_version", "versions", "airframes")
-    rows = [{"what": k.replace("_", " "), "value": _said(data[k])} for k in keys if data.get(k) is not None]
+    keys = (
+        "seeds",
+        "command",
+        "knob",
+        "unit",
+        "target_rate",
+        "schema_version",
+        "versions",
+        "airframes",
+        "code",
+    )
+    rows = [{"what": k.replace("_", " "), "value": said(data[k])} for k in keys if data.get(k) is not None]
     if scenario:
-        rows.append({"what": "schema version", "value": _said(scenario.get("schema_version"))})
-        rows.append({"what": "scenario seed", "value": _said(scenario.get("seed"))})
+        rows.append({"what": "scenario schema version", "value": said(scenario.get("schema_version"))})
+        rows.append({"what": "scenario seed", "value": said(scenario.get("seed"))})
     if rows:
         blocks.append(Table(rows, "What made these files"))
     if scenario:
@@ -54,7 +64,7 @@ def changed(scenarios: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     for field in fields:
         values = [of.get(field) for of in flat.values()]
         if any(v != values[0] for v in values) or values[0] != usual.get(field):
-            rows.append({"field": field} | {label: _said(of.get(field)) for label, of in flat.items()})
+            rows.append({"field": field} | {label: said(of.get(field)) for label, of in flat.items()})
     return rows
 
 
@@ -68,9 +78,9 @@ def _flat(data: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     return flat
 
 
-def _said(value: Any) -> str:
+def said(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "; ".join(f"{k} {_said(v)}" for k, v in value.items())
+        return "; ".join(f"{k} {said(v)}" for k, v in value.items())
     if isinstance(value, list) and value and isinstance(value[0], Mapping):
         return f"{len(value)} entries"
     return cell(value)
@@ -80,7 +90,7 @@ def _made(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
     """Rows: what | value in each run."""
 
     def row(what: str, of: Any) -> dict[str, Any]:
-        return {"what": what} | {label: _said(of(run)) for label, run in runs.items()}
+        return {"what": what} | {label: said(of(run)) for label, run in runs.items()}
 
     manifest = next(iter(runs.values())).manifest
     rows = [

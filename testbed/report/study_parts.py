@@ -129,7 +129,7 @@ def margin(folder: Path, title: str) -> Part:
         what=about(data, f"the smallest setting of {knob}"),
         status=status,
         headline=text,
-        details=[detail],
+        details=[data.get("sentence", detail)],
         sections=[
             Section(
                 "Margin",

@@ -43,6 +43,7 @@ RC: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "lines.linewidth": 1.3,
+    "axes.prop_cycle": f"cycler('color', {[BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK]})",
     "legend.framealpha": 0.8,
     "legend.edgecolor": "none",
     "legend.fontsize": 7,

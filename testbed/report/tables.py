@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from math import degrees
 from typing import Any
@@ -42,12 +43,18 @@ def plain_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     """Rows as they are, three digits; an absent value is a dash."""
     # Text, for rich reads markup into brackets and a unit would vanish.
     table = Table(title=Text(title), title_justify="left", pad_edge=False, padding=(0, 1), box=None)
-    for name in rows[0] if rows else ():
-        # Words stay whole; where a terminal is narrow, headings and long numbers break.
-        words = any(isinstance(row[name], str) for row in rows)
-        table.add_column(Text(name.replace("_", " ")), overflow="fold", no_wrap=words)
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    for name in columns:
+        # Where a terminal is narrow words break at spaces, headings too, and numbers never.
+        heading = Text(name.replace("_", " "))
+        if any(isinstance(row.get(name), str) for row in rows):
+            table.add_column(heading)
+            continue
+        width = max(len(_short(row.get(name))) for row in rows)
+        broken = textwrap.fill(str(heading), width, break_long_words=False)
+        table.add_column(Text(broken), no_wrap=True)
     for row in rows:
-        table.add_row(*(Text(_short(value)) for value in row.values()))
+        table.add_row(*(Text(_short(row.get(name))) for name in columns))
     return table
 
 

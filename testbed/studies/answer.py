@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.scenario import Scenario, load, parse
 from testbed.statistics import rate
-from testbed.studies.flying import fly_all, notebook
-from testbed.studies.measure import Fields, Job, default_starts, measure, override
+from testbed.studies.flying import Notebook
+from testbed.studies.measure import Fields, Job, default_starts, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,10 +76,10 @@ def _with(data: dict[str, Any], fields: Fields) -> dict[str, Any]:
 def answer(
     made: dict[tuple[str, int, str, str], Scenario],
     seeds: dict[int, int],
-    out: Path,
+    book: Notebook,
     workers: int | None = None,
 ) -> pd.DataFrame:
-    """One row per case; resumes from what it kept beside `out`.
+    """One row per case; what `book` has is not flown again.
 
     seeds  number of vehicles -> how many seeds to fly
     """
@@ -91,16 +90,8 @@ def answer(
         for key, s in made.items()
     }
     flat = [job for of in jobs.values() for job in of]
-    with notebook(out, "answer") as kept:
-        keys = {job: f"{job.data}|{job.seed}" for job in flat}
-
-        def done(job: Job, row: dict[str, Any]) -> str:
-            kept.keep(keys[job], row)
-            return f"{job.label}, seed {job.seed}: " + (row["refused"] or f"{row['distance_m']:.2f} m")
-
-        fly_all(measure, [j for j in flat if keys[j] not in kept.rows], workers, done)
-        rows = [_row(key, [kept.rows[keys[j]] for j in of]) for key, of in jobs.items()]
-    return pd.DataFrame(rows)
+    rows = dict(zip(flat, book.fly(measure, flat, keys(flat), workers, said), strict=True))
+    return pd.DataFrame([_row(key, [rows[j] for j in of]) for key, of in jobs.items()])
 
 
 def _row(key: tuple[str, int, str, str], runs: list[dict[str, Any]]) -> dict[str, Any]:

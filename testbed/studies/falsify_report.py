@@ -34,9 +34,12 @@ def write(result: Falsified, out: Path, overwrite: bool) -> Found:
         entry = again.guarantee(result.guarantee)
         if entry["value"] != shown.value:
             raise RuntimeError(f"flown again, {result.guarantee} is {entry['value']!r}, not {shown.value!r}")
-        data = account(result, shown, out)
+        data = account(result, shown, out) | {
+            "margin_unit": entry["unit"],
+            "versions": again.manifest["versions"],
+        }
         parts = [("search", result.search)] + ([("shrink", result.shrinks)] if result.shrinks else [])
-        rows = [{"part": part} | f.row() for part, flights in parts for f in flights.flown]
+        rows = [{"part": part} | _flight(f) for part, flights in parts for f in flights.flown]
         pd.DataFrame(rows).to_csv(folder / "flights.csv", index=False)
         figures.margins(result, entry["unit"], folder)
         figures.counterexample(again, result.guarantee, folder)
@@ -105,32 +108,45 @@ def account(result: Falsified, shown: Flight, out: Path) -> dict[str, Any]:
 
 def sentences(data: dict[str, Any]) -> list[str]:
     """The account in words."""
-    lines = [f"as it stands: margin {data['nominal']['margin']:.3f}"]
-    if data["violated"]:
+    unit = f" {data['margin_unit']}" if data.get("margin_unit") else ""
+    lines = [f"as it stands: margin {data['nominal']['margin']:.3f}{unit}"]
+    result = data["result"]
+    at = f"at {result['t_s']:.3f} s, vehicles {_names(result)}"
+    if data["violated"] and not data["departures"]:
+        lines = [f"violated as it stands, nothing was searched: margin {result['margin']:.3g}{unit} {at}"]
+    elif data["violated"]:
         found = data["found"]
         lines.append(
             f"violated at flight {found['number']} of at most {data['budget']} ({found['stage']}):"
-            f" margin {found['margin']:.3f}, {len(data['found_departures'])} departures"
+            f" margin {found['margin']:.3f}{unit}, {counted(len(data['found_departures']), 'departure')}"
         )
-        result = data["result"]
         lines.append(
-            f"shrunk in {data['shrink_flights']} flights to {len(data['departures'])}: margin"
-            f" {result['margin']:.3g} at {result['t_s']:.3f} s, vehicles {_names(result)}"
+            f"shrunk in {counted(data['shrink_flights'], 'flight')} to"
+            f" {counted(len(data['departures']), 'departure')}: margin {result['margin']:.3g}{unit} {at}"
         )
         if not data["shrink_ended"]:
             lines.append("the shrinking spent its budget: smaller departures may violate too")
     else:
         lines.append(
-            f"no violation in {data['flights']} flights; the least margin is {data['least']['margin']:.3f}."
-            " A search that finds nothing proves nothing"
+            f"no violation in {counted(data['flights'], 'flight')}; the least margin is"
+            f" {data['least']['margin']:.3f}{unit}. A search that finds nothing proves nothing"
         )
     if data["refused"]:
-        lines.append(f"{data['refused']} starts were refused, being outside the safe set or not flyable")
+        were = "start was" if data["refused"] == 1 else "starts were"
+        lines.append(f"{data['refused']} {were} refused, being outside the safe set or not flyable")
     return [*lines, f"reproduce: {data['reproduce']}"]
+
+
+def counted(count: int, what: str) -> str:
+    return f"{count} {what}" + ("" if count == 1 else "s")
 
 
 def _names(row: dict[str, Any]) -> str:
     return " and ".join(map(str, row["vehicles"]))
+
+
+def _flight(flight: Flight) -> dict[str, Any]:
+    return flight.row() | {"vehicles": "-".join(map(str, flight.vehicles))}
 
 
 def _title(result: Falsified, shown: Flight, run: Run) -> str:

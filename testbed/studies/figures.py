@@ -11,7 +11,7 @@ from testbed.errors import UserError
 from testbed.scenario import Scenario, load
 from testbed.store import check_free, staged, write_json
 from testbed.studies import kink, onset, reproduction
-from testbed.studies.flying import fly_all
+from testbed.studies.flying import Notebook, fly_all, notebook
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +70,8 @@ def make(
             elif name == "onset":
                 _onset(book, folder, tuple(overrides), workers)
             else:
-                _kink(book, folder, out, tuple(overrides), seeds, workers)
+                with notebook(out, "kink") as kept:
+                    _kink(book, folder, kept, tuple(overrides), seeds, workers)
         book.files += ["figures.json"]
         write_json(folder / "figures.json", {"files": book.files, "tables": book.tables})
     return book
@@ -139,12 +140,12 @@ def _onset(book: Book, folder: Path, overrides: tuple[str, ...], workers: int | 
 
 
 def _kink(
-    book: Book, folder: Path, out: Path, overrides: tuple[str, ...], seeds: int, workers: int | None
+    book: Book, folder: Path, kept: Notebook, overrides: tuple[str, ...], seeds: int, workers: int | None
 ) -> None:
     from testbed.report import study_figures
 
     cases, crowd = kink.perturbed(seeds, overrides), kink.crowded(seeds, overrides)
-    rows = kink.study([*crowd, *cases], out, workers)
+    rows = kink.study([*crowd, *cases], kept, workers)
     table = rows.iloc[len(crowd) :].reset_index(drop=True)
     book.files += ["kink.csv", "kink-50.csv"]
     table.to_csv(folder / "kink.csv", index=False, float_format="%.9g")

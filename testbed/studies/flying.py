@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 from testbed.campaigns.executor import executor
+from testbed.campaigns.folder import append
+from testbed.store import plain
 
 J = TypeVar("J")
 R = TypeVar("R")
-
-ROOT = Path(__file__).parent.parent.parent
-# What a run on unicycles is computed by; drawing and the command line are not part of it.
-SOURCES = ("filters/*.py", "aircraft/kinematic.py", "testbed/*.py", "testbed/scenarios/*.toml")
 
 
 def fly_all(
@@ -52,44 +49,62 @@ def fly_all(
 
 @contextmanager
 def notebook(out: Path, name: str) -> Iterator[Notebook]:
-    """Rows that outlive an interruption, in a hidden file beside `out`; gone once the block ends well."""
-    book = Notebook(out.parent / f".{out.name}.{name}-{_fingerprint()}.jsonl")
+    """Rows that outlive an interruption, in a hidden file beside `out`; gone once the block ends well.
+
+    The block should write what it makes of the rows, too: a full disk then costs no flight.
+    """
+    book = Notebook(out.parent / f".{out.name}.{name}.jsonl")
     try:
         yield book
     except BaseException:
-        print(
-            f"{len(book.rows)} finished runs are kept; the same command goes on from there", file=sys.stderr
-        )
+        if book.rows:
+            kept = f"{len(book.rows)} finished runs are kept; the same command goes on from there"
+            print(kept, file=sys.stderr)
         raise
-    book.file.unlink(missing_ok=True)
+    if book.file is not None:
+        book.file.unlink(missing_ok=True)
 
 
 class Notebook:
-    """Finished rows by key, one JSON line each."""
+    """Finished rows by key, one JSON line each. A key says all that its row depends on.
 
-    def __init__(self, file: Path) -> None:
+    file  None: in memory only
+    """
+
+    def __init__(self, file: Path | None = None) -> None:
         self.file = file
         self.rows: dict[str, dict[str, Any]] = {}
-        if file.is_file():
+        if file is not None and file.is_file():
             for line in file.read_text(encoding="utf-8").splitlines():
                 # A line cut short by a crash is work to do again.
-                if line.endswith("}"):
+                with suppress(ValueError, KeyError, TypeError):
                     entry = json.loads(line)
                     self.rows[entry["key"]] = entry["row"]
-            print(f"resuming: {len(self.rows)} runs found in {file}", file=sys.stderr)
+        self._read = set(self.rows)
 
     def keep(self, key: str, row: dict[str, Any]) -> None:
-        self.rows[key] = row
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        with self.file.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"key": key, "row": row}) + "\n")
+        self.rows[key] = row = plain(row)
+        if self.file is not None:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            append(self.file, json.dumps({"key": key, "row": row}))
 
+    def fly(
+        self,
+        work: Callable[[J], dict[str, Any]],
+        jobs: Sequence[J],
+        keys: Sequence[str],
+        workers: int | None = None,
+        said: Callable[[J, dict[str, Any]], str] = lambda job, row: str(job),
+    ) -> list[dict[str, Any]]:
+        """`fly_all` of jobs whose keys have no row yet, equal keys once; rows in the order of `jobs`."""
+        if found := len(self._read.intersection(keys)):
+            print(f"resuming: {found} of {len(set(keys))} runs found in {self.file}", file=sys.stderr)
+        waiting = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self.rows}
+        named = {id(job): key for key, job in waiting.items()}
 
-def _fingerprint() -> str:
-    """Of the code and the package versions a row depends on: changed code never resumes old rows."""
-    from testbed.catalogue import versions
+        def done(job: J, row: dict[str, Any]) -> str:
+            self.keep(named[id(job)], row)
+            return said(job, row)
 
-    digest = hashlib.sha256(json.dumps(versions(), sort_keys=True).encode())
-    for file in sorted(f for pattern in SOURCES for f in ROOT.glob(pattern)):
-        digest.update(file.name.encode() + b"\0" + file.read_bytes())
-    return digest.hexdigest()[:12]
+        fly_all(work, list(waiting.values()), workers, done)
+        return [self.rows[key] for key in keys]

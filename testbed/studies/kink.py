@@ -7,14 +7,13 @@ circle from perturbed headings, where the paper expects no change, and a 50-vehi
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from testbed.scenario import Scenario, load
-from testbed.studies.flying import fly_all, notebook
+from testbed.studies.flying import Notebook
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -103,22 +102,25 @@ def row(case: Case) -> dict[str, Any]:
     }
 
 
-def study(cases: list[Case], out: Path, workers: int | None = None) -> pd.DataFrame:
-    """One row per case, in their order. Interrupted, it resumes from what it kept beside `out`."""
+def study(cases: list[Case], book: Notebook, workers: int | None = None) -> pd.DataFrame:
+    """One row per case, in their order; what `book` has is not flown again."""
     import pandas as pd
 
-    with notebook(out, "kink") as kept:
-        keys = {case: repr(asdict(case)) for case in cases}
+    from testbed.campaigns.identity import RunIds
 
-        def done(case: Case, result: dict[str, Any]) -> str:
-            kept.keep(keys[case], result)
-            return (
-                f"{case.vehicles} vehicles, {case.barrier} barrier, dt {case.dt_s:g} s, seed {case.seed}:"
-                f" least distance {result['min_distance_m']:.2f} m, h {result['min_h_m']:.2f} m"
-            )
+    ids = RunIds(__name__)
 
-        fly_all(row, [c for c in cases if keys[c] not in kept.rows], workers, done)
-        return pd.DataFrame([kept.rows[keys[c]] for c in cases])
+    def key(case: Case) -> str:
+        """The case, whose settings are in the row, and all that flies it."""
+        return f"{case} {ids.of(case.scenario().model_dump_json(), case.seed)}"
+
+    def said(case: Case, result: dict[str, Any]) -> str:
+        return (
+            f"{case.vehicles} vehicles, {case.barrier} barrier, dt {case.dt_s:g} s, seed {case.seed}:"
+            f" least distance {result['min_distance_m']:.2f} m, h {result['min_h_m']:.2f} m"
+        )
+
+    return pd.DataFrame(book.fly(row, cases, [key(c) for c in cases], workers, said))
 
 
 def summary(table: pd.DataFrame, d_safe: float) -> pd.DataFrame:

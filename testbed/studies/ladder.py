@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from testbed.scenario import Scenario
 from testbed.statistics import Mean, Rate, mean, rate
-from testbed.studies.flying import fly_all, notebook
-from testbed.studies.measure import Fields, Job, measure, override
+from testbed.studies.flying import Notebook
+from testbed.studies.measure import Fields, Job, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,41 +97,24 @@ def climb(
     s: Scenario,
     ladder: Sequence[Rung],
     seeds: int,
-    out: Path,
+    book: Notebook,
     workers: int | None = None,
     work: Callable[[Job], dict[str, Any]] = measure,
 ) -> pd.DataFrame:
     """Fly every rung, and every departure alone, from seeds 1 to `seeds`; one row per run.
 
-    Equal settings are flown once. Interrupted, it resumes from what it kept beside `out`.
+    Equal settings are flown once, and what `book` has not at all.
     """
     import pandas as pd
 
     wanted: dict[str, str] = {name: override(s, f) for name, f in cumulative(ladder).items()}
     for name, (without, with_) in alone(ladder).items():
         wanted[f"{name} off"], wanted[f"{name} alone"] = override(s, without), override(s, with_)
-    jobs = [
-        Job(next(n for n, d in wanted.items() if d == data), data, seed)
-        for data in dict.fromkeys(wanted.values())
-        for seed in range(1, seeds + 1)
-    ]
-    with notebook(out, "ladder") as kept:
-        keys = {job: f"{job.data}|{job.seed}" for job in jobs}
-
-        def done(job: Job, row: dict[str, Any]) -> str:
-            kept.keep(keys[job], row)
-            value = row.get("distance_m")
-            return f"{job.label}, seed {job.seed}: " + (
-                f"{value:.2f} m" if value is not None else row["refused"]
-            )
-
-        fly_all(work, [j for j in jobs if keys[j] not in kept.rows], workers, done)
-        rows = [
-            kept.rows[f"{data}|{seed}"] | {"rung": name, "seed": seed}
-            for name, data in wanted.items()
-            for seed in range(1, seeds + 1)
-        ]
-    return pd.DataFrame(rows)
+    jobs = [Job(name, data, seed) for name, data in wanted.items() for seed in range(1, seeds + 1)]
+    rows = book.fly(work, jobs, keys(jobs), workers, said)
+    return pd.DataFrame(
+        [row | {"rung": job.label, "seed": job.seed} for row, job in zip(rows, jobs, strict=True)]
+    )
 
 
 @dataclass(frozen=True)

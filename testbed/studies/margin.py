@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from testbed.errors import UserError, nearest
 from testbed.scenario import Scenario
 from testbed.statistics import rate, zero_event_bound
-from testbed.studies.flying import fly_all
-from testbed.studies.measure import Fields, Job, measure, override
+from testbed.studies.flying import Notebook
+from testbed.studies.measure import Fields, Job, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +60,7 @@ KNOBS = {
     ),
     "derate": Knob(
         "share taken off gamma's turn rate",
-        (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
+        (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8),
         lambda x: {"remedy.derate": 1 - x},
     ),
 }
@@ -68,7 +68,10 @@ KNOBS = {
 
 @dataclass(frozen=True)
 class Point:
-    """One setting on some seeds; path, time and arrival are medians over its runs of the worst vehicle's."""
+    """One setting on some seeds; path, time and arrival are medians over its runs of the worst vehicle's.
+
+    infeasible  vehicle-steps without a solution, over all runs
+    """
 
     setting: float
     violations: int
@@ -76,6 +79,7 @@ class Point:
     rate_low: float
     rate_high: float
     least_distance_m: float
+    infeasible: int
     path_added_m: float | None
     time_added_s: float | None
     goal_passed_s: float | None
@@ -105,11 +109,13 @@ def find(
     seeds: int = 20,
     workers: int | None = None,
     measured: Callable[[Job], dict[str, Any]] = measure,
+    book: Notebook | None = None,
 ) -> Margin:
     """Sweep, bracket, bisect, certify.
 
     seeds     common seeds 1..seeds of the sweep; certificates use later ones
     measured  what flies a job (for tests)
+    book      runs flown before an interruption
     Raises    UserError for a knob unknown or beyond the scenario's filter, or a rate outside (0, 1).
     """
     if knob not in KNOBS:
@@ -119,11 +125,11 @@ def find(
     k = KNOBS[knob]
     for setting in k.grid:  # what the scenario cannot take is said before anything is flown
         override(s, k.fields(setting))
-    found = Margin(knob, k.unit, target_rate)
+    found, flown = Margin(knob, k.unit, target_rate), book or Notebook()
 
     def fly(setting: float, chosen: range, stage: str) -> Point:
         jobs = [Job(f"{knob} {setting:g}", override(s, k.fields(setting)), seed) for seed in chosen]
-        rows = fly_all(measured, jobs, workers, lambda job, row: f"{stage}: {job.label}, seed {job.seed}")
+        rows = flown.fly(measured, jobs, keys(jobs), workers, lambda job, row: f"{stage}: {said(job, row)}")
         found.points.append(_point(setting, rows, stage))
         return found.points[-1]
 
@@ -163,6 +169,28 @@ def find(
     return found
 
 
+def sentence(found: Margin) -> str:
+    """What was found, in words: the setting certified, or how near the others came."""
+    rate_, last = f"a rate of {found.target_rate:g}", f"{KNOBS[found.knob].grid[-1]:g}"
+    if found.certified:
+        return (
+            f"{found.knob} {found.setting:g} {found.unit} meets {rate_}: none lost on"
+            f" {found.points[-1].runs} fresh seeds, a rate below {found.bound:.4f} with 95 % confidence"
+        )
+    tried = [p for p in found.points if p.stage.startswith("certify")]
+    if tried:
+        lost = "; ".join(f"{p.violations} of {p.runs} lost at {p.setting:.4g}" for p in tried)
+        return (
+            f"no setting of {found.knob} up to {last} certified for {rate_}: good on the sweep's seeds, but"
+            f" on fresh ones {lost}"
+        )
+    best = min(found.points, key=lambda p: (p.violations, -p.least_distance_m))
+    return (
+        f"no setting of {found.knob} up to {last} meets {rate_}: the best, {best.setting:g} {found.unit},"
+        f" loses {best.violations} of {best.runs}"
+    )
+
+
 def _point(setting: float, rows: list[dict[str, Any]], stage: str) -> Point:
     lost = rate([row.get("distance_verdict") != "holds" for row in rows])
     distances = [row["distance_m"] for row in rows if row.get("distance_m") is not None]
@@ -173,6 +201,7 @@ def _point(setting: float, rows: list[dict[str, Any]], stage: str) -> Point:
         lost.low,
         lost.high,
         min(distances, default=float("nan")),
+        sum(int(row.get("infeasible") or 0) for row in rows),
         _median([row.get("path_added_m") for row in rows]),
         _median([row.get("time_added_s") for row in rows]),
         _median([row.get("goal_passed_s") for row in rows]),
@@ -190,12 +219,12 @@ def _median(values: list[float | None]) -> float | None:
 def markdown(curve: pd.DataFrame) -> str:
     """A curve as Markdown, as the guide shows it: the sweep and what was certified."""
     lines = [
-        "| setting | stage | lost | 95 % interval | least d [m] | path added [m] | time added [s] |",
-        "|" + 7 * "---|",
+        "| setting | stage | lost | 95 % interval | least d [m] | no solution | path [m] | time [s] |",
+        "|" + 8 * "---|",
     ]
     lines += [
         f"| {p.setting:g} | {p.stage} | {p.violations} of {p.runs}"
-        f" | {100 * p.rate_low:.1f} to {100 * p.rate_high:.1f} % | {p.least_distance_m:.2f}"
+        f" | {100 * p.rate_low:.1f} to {100 * p.rate_high:.1f} % | {p.least_distance_m:.2f} | {p.infeasible}"
         f" | {p.path_added_m:.2f} | {p.time_added_s:.2f} |"
         for p in curve.sort_values("setting", kind="stable").itertuples()
         if p.stage != "bisect"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,6 +51,20 @@ def measure(job: Job) -> dict[str, Any]:
     row["goal_m"] = done.guarantee("goal")["value"]
     row["goal_passed_s"] = done.guarantee("goal")["detail"].get("last_passed_s")
     return row
+
+
+def keys(jobs: Iterable[Job]) -> list[str]:
+    """Per job, the name of all that its row depends on; UserError for an airframe that is not there."""
+    from testbed.campaigns.identity import RunIds
+
+    ids = RunIds(__name__)
+    return [ids.of(job.data, job.seed) for job in jobs]
+
+
+def said(job: Job, row: dict[str, Any]) -> str:
+    """A run in a few words: its least distance, or why it could not start."""
+    value = row.get("distance_m")
+    return f"{job.label}, seed {job.seed}: " + (row["refused"] if value is None else f"{value:.2f} m")
 
 
 def override(s: Scenario, fields: Fields) -> str:

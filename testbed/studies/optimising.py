@@ -20,7 +20,7 @@ from testbed.errors import UserError
 from testbed.report.page import reported
 from testbed.store import check_free, write_json
 from testbed.studies.flying import Notebook, fly_all
-from testbed.studies.tuning import Tuned, _changed, _fingerprint
+from testbed.studies.tuning import Tuned, _changed, _fingerprint, provenance_of
 
 if TYPE_CHECKING:
     from aircraft.airframe import Airframe
@@ -204,7 +204,7 @@ def optimise(
             | {"met": a.met}
             for b, a in zip(before, after, strict=True)
         ]
-        write_json(folder / "tune.json", {"command": command, "searches": found, "rows": rows})
+        write_json(folder / "tune.json", provenance_of(command, airframe) | {"searches": found, "rows": rows})
     for file in memory:
         file.unlink(missing_ok=True)
     missed = sum(not r.met for r in after)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from testbed.scenario import Scenario
 from testbed.statistics import rate
-from testbed.studies.flying import fly_all, notebook
-from testbed.studies.measure import Fields, Job, measure, override
+from testbed.studies.flying import Notebook
+from testbed.studies.measure import Fields, Job, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,21 +63,16 @@ def catalogue(s: Scenario) -> dict[str, Fields]:
 
 
 def compare(
-    s: Scenario, remedies: dict[str, Fields], seeds: range, out: Path, workers: int | None = None
+    s: Scenario, remedies: dict[str, Fields], seeds: range, book: Notebook, workers: int | None = None
 ) -> pd.DataFrame:
-    """One row per remedy and seed; interrupted, it resumes from what it kept beside `out`."""
+    """One row per remedy and seed; what `book` has is not flown again."""
     import pandas as pd
 
     jobs = [Job(name, override(s, fields), seed) for name, fields in remedies.items() for seed in seeds]
-    with notebook(out, "remedies") as kept:
-        keys = {job: f"{job.data}|{job.seed}" for job in jobs}
-
-        def done(job: Job, row: dict[str, Any]) -> str:
-            kept.keep(keys[job], row)
-            return f"{job.label}, seed {job.seed}: " + (row["refused"] or f"{row['distance_m']:.2f} m")
-
-        fly_all(measure, [j for j in jobs if keys[j] not in kept.rows], workers, done)
-        return pd.DataFrame([kept.rows[keys[j]] | {"remedy": j.label, "seed": j.seed} for j in jobs])
+    rows = book.fly(measure, jobs, keys(jobs), workers, said)
+    return pd.DataFrame(
+        [row | {"remedy": job.label, "seed": job.seed} for row, job in zip(rows, jobs, strict=True)]
+    )
 
 
 def table(rows: pd.DataFrame, straight_m: float) -> pd.DataFrame:

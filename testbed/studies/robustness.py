@@ -11,12 +11,13 @@ from testbed.report import robustness_figures as figures
 from testbed.report.page import reported
 from testbed.scenario import Scenario
 from testbed.start import generators, places
-from testbed.statistics import Mean
+from testbed.statistics import Mean, Rate
 from testbed.store import check_free, write_json
 from testbed.studies import answer as answers
 from testbed.studies import ladder as ladders
 from testbed.studies import margin as margins
 from testbed.studies import remedies
+from testbed.studies.flying import notebook
 from testbed.studies.measure import default_starts
 
 if TYPE_CHECKING:
@@ -43,29 +44,30 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
     check_free(out, overwrite)
     s = default_starts(s)
     rungs = ladders.rungs(s)
-    table = ladders.climb(s, rungs, seeds, out, workers)
-    distance = ladders.account(table, rungs, "distance_m")
-    h = ladders.account(table, rungs, "h_m")
-    lost = ladders.rates(table, rungs)
-    rows = [
-        {
-            "rung": d.rung,
-            "lost": str(lost[d.rung]),
-            "d [m]": round(d.value, 2),
-            "change of d [95 % CI]": _mean(d.difference),
-            "alone": _mean(d.alone),
-            "h [m]": round(g.value, 2),
+    with notebook(out, "ladder") as kept:
+        table = ladders.climb(s, rungs, seeds, kept, workers)
+        distance = ladders.account(table, rungs, "distance_m")
+        h = ladders.account(table, rungs, "h_m")
+        lost = ladders.rates(table, rungs)
+        rows = [
+            {
+                "rung": d.rung,
+                "lost": _rate(lost[d.rung]),
+                "d [m]": round(d.value, 2),
+                "change of d [95 % CI]": _mean(d.difference),
+                "alone": _mean(d.alone),
+                "h [m]": round(g.value, 2),
+            }
+            for d, g in zip(distance.steps, h.steps, strict=True)
+        ]
+        data = {"seeds": seeds, "rows": rows} | {
+            a.quantity: {"total": vars(a.total), "interaction": vars(a.interaction)} for a in (distance, h)
         }
-        for d, g in zip(distance.steps, h.steps, strict=True)
-    ]
-    data = {"seeds": seeds, "rows": rows} | {
-        a.quantity: {"total": vars(a.total), "interaction": vars(a.interaction)} for a in (distance, h)
-    }
-    with reported(out, overwrite) as folder:
-        table.to_csv(folder / "ladder.csv", index=False)
-        ladders.summary(table, rungs).to_csv(folder / "rungs.csv", index=False)
-        write_json(folder / "ladder.json", data | {"scenario": s.model_dump(mode="json")})
-        figures.ladder(table, distance, h, s.d_safe_m, folder)
+        with reported(out, overwrite) as folder:
+            table.to_csv(folder / "ladder.csv", index=False)
+            ladders.summary(table, rungs).to_csv(folder / "rungs.csv", index=False)
+            write_json(folder / "ladder.json", data | {"scenario": s.model_dump(mode="json")})
+            figures.ladder(table, distance, h, s.d_safe_m, folder)
     return Found(
         out,
         f"{s.name}: the fidelity ladder, {seeds} seeds (mean, paired differences [95 % interval])",
@@ -106,15 +108,17 @@ def compare_remedies(
     if unknown := [name for name in only if name not in known]:
         raise UserError(f"--only {unknown[0]!r}: unknown remedy; {nearest(unknown[0], known)}")
     chosen = {name: known[name] for name in (only or known)}
-    runs = remedies.compare(s, chosen, seeds, out, workers)
-    table = remedies.table(runs, _straight(s))
-    with reported(out, overwrite) as folder:
-        runs.to_csv(folder / "runs.csv", index=False)
-        table.to_csv(folder / "remedies.csv", index=False)
-        write_json(
-            folder / "remedies.json", {"seeds": [seeds[0], seeds[-1]], "scenario": s.model_dump(mode="json")}
-        )
-        figures.remedies(table, s.d_safe_m, folder)
+    with notebook(out, "remedies") as kept:
+        runs = remedies.compare(s, chosen, seeds, kept, workers)
+        table = remedies.table(runs, _straight(s))
+        with reported(out, overwrite) as folder:
+            runs.to_csv(folder / "runs.csv", index=False)
+            table.to_csv(folder / "remedies.csv", index=False)
+            write_json(
+                folder / "remedies.json",
+                {"seeds": [seeds[0], seeds[-1]], "scenario": s.model_dump(mode="json")},
+            )
+            figures.remedies(table, s.d_safe_m, folder)
     rows = [
         {
             "remedy": r.remedy,
@@ -142,34 +146,29 @@ def margin(
 
     check_free(out, overwrite)
     s = default_starts(s)
-    found = margins.find(s, knob, target_rate, seeds, workers)
-    curve = pd.DataFrame([vars(p) for p in found.points])
-    with reported(out, overwrite) as folder:
-        curve.to_csv(folder / "curve.csv", index=False)
-        write_json(folder / "margin.json", found.as_dict() | {"scenario": s.model_dump(mode="json")})
-        figures.margin(found, folder)
+    with notebook(out, "margin") as kept:
+        found = margins.find(s, knob, target_rate, seeds, workers, book=kept)
+        curve = pd.DataFrame([vars(p) for p in found.points])
+        data = found.as_dict() | {"sentence": margins.sentence(found)}
+        with reported(out, overwrite) as folder:
+            curve.to_csv(folder / "curve.csv", index=False)
+            write_json(folder / "margin.json", data | {"scenario": s.model_dump(mode="json")})
+            figures.margin(found, folder)
     rows = [
         {
             "stage": p.stage,
-            f"{knob} [{found.unit}]": round(p.setting, 4),
+            knob: round(p.setting, 4),
             "lost": f"{p.violations}/{p.runs}",
             "95 % CI": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
             "d [m]": round(p.least_distance_m, 2),
-            "path [m]": p.path_added_m,
-            "time [s]": p.time_added_s,
+            "no QP": p.infeasible,
+            "path [m]": _hundredths(p.path_added_m),
+            "time [s]": _hundredths(p.time_added_s),
         }
-        for p in sorted(found.points, key=lambda p: (p.stage, p.setting))
+        for p in found.points
     ]
-    if found.certified:
-        line = (
-            f"{knob} {found.setting:g} {found.unit} meets a rate of {target_rate:g}: none lost on fresh"
-            f" seeds, 95 % bound {found.bound:.4f}"
-        )
-    elif found.setting is None:
-        line = f"no setting of {knob} up to {margins.KNOBS[knob].grid[-1]:g} meets a rate of {target_rate:g}"
-    else:
-        line = f"{knob}: not certified; feasible on the sweep's seeds, lost on fresh ones"
-    return Found(out, f"{s.name} on {s.plant}: margin by {knob}", rows, [line], found.as_dict())
+    title = f"{s.name} on {s.plant}: margin by {knob}, {found.unit}"
+    return Found(out, title, rows, [data["sentence"]], data)
 
 
 def answer(
@@ -179,12 +178,13 @@ def answer(
     check_free(out, overwrite)
     made = answers.cases(airframes, vehicles)
     each = {n: seeds if n == 2 else max(5, seeds // 5) for n in vehicles}
-    table = answers.answer(made, each, out, workers)
-    with reported(out, overwrite) as folder:
-        table.to_csv(folder / "answer.csv", index=False)
-        (folder / "answer.md").write_text(answers.markdown(table), encoding="utf-8")
-        write_json(folder / "answer.json", {"seeds": {str(n): k for n, k in each.items()}})
-        figures.answer(table, folder)
+    with notebook(out, "answer") as kept:
+        table = answers.answer(made, each, kept, workers)
+        with reported(out, overwrite) as folder:
+            table.to_csv(folder / "answer.csv", index=False)
+            (folder / "answer.md").write_text(answers.markdown(table), encoding="utf-8")
+            write_json(folder / "answer.json", {"seeds": {str(n): k for n, k in each.items()}})
+            figures.answer(table, folder)
     rows = [
         {
             "fleet": f"{r.number} {r.vehicle}",
@@ -202,6 +202,14 @@ def answer(
 
 def _mean(m: Mean | None) -> str:
     return str(m) if m is not None else ""
+
+
+def _hundredths(value: float | None) -> float | None:
+    return None if value is None else round(value, 2) + 0.0
+
+
+def _rate(r: Rate) -> str:
+    return f"{r.count}/{r.runs} {100 * r.low:.0f}-{100 * r.high:.0f} %"
 
 
 def _straight(s: Scenario) -> float:

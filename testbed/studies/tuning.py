@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import json
 import math
@@ -16,7 +15,7 @@ import numpy as np
 from testbed.errors import UserError
 from testbed.report.page import reported
 from testbed.store import check_free, write_json
-from testbed.studies.flying import ROOT, Notebook, fly_all, notebook
+from testbed.studies.flying import Notebook, notebook
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -216,7 +215,8 @@ def sweep(
         files = [f.name for f in draw(table, sweeps, airframe, scenario, folder)]
         records = table.to_dict("records")
         write_json(
-            folder / "tune.json", {"command": command, "rows": records, "files": ["sweep.csv", *files]}
+            folder / "tune.json",
+            provenance_of(command, airframe) | {"rows": records, "files": ["sweep.csv", *files]},
         )
     keep = [s.gain for s in sweeps] + ["missed", "omega_t63_s", "omega_overshoot", "phase_margin_deg"]
     keep += ["min_distance_m", "min_h_m"] if scenario is not None else ["v_settling_s", "zeta_t63_s"]
@@ -226,25 +226,29 @@ def sweep(
     return Tuned(title, shown, [f"tables and plots in {out}"], {"folder": str(out), "rows": records})
 
 
+def provenance_of(command: str, airframe: Airframe) -> dict[str, Any]:
+    """What made a folder of gains: command, versions, the airframe's files."""
+    from testbed.catalogue import versions
+
+    return {
+        "command": command,
+        "versions": versions(),
+        "airframes": {airframe.name: airframe.fingerprint()},
+    }
+
+
 def _flown(
     points: Sequence[Point], prepared: Mapping[str, Any] | None, book: Notebook, workers: int | None
 ) -> list[dict[str, Any]]:
     """Rows of the points in order, those of an interrupted sweep taken from the notebook."""
 
-    def key(p: Point) -> str:
-        return json.dumps([p.gains, prepared])  # not where its gains file lies
+    keys = [json.dumps([p.gains, prepared]) for p in points]  # not where its gains file lies
 
-    waiting = [p for p in points if key(p) not in book.rows]
+    def said(p: Point, row: dict[str, Any]) -> str:
+        gains = ", ".join(f"{name} {value:.4g}" for name, value in p.gains)
+        return gains + (f": {row['min_distance_m']:.2f} m" if "min_distance_m" in row else "")
 
-    def done(p: Point, row: dict[str, Any]) -> str:
-        from testbed.store import plain
-
-        book.keep(key(p), plain(row))
-        said = ", ".join(f"{name} {value:.4g}" for name, value in p.gains)
-        return said + (f": {row['min_distance_m']:.2f} m" if "min_distance_m" in row else "")
-
-    fly_all(measure, waiting, workers, done)
-    return [book.rows[key(p)] for p in points]
+    return book.fly(measure, points, keys, workers, said)
 
 
 def _frame(rows: list[dict[str, Any]], sweeps: Sequence[Sweep]) -> pd.DataFrame:
@@ -274,8 +278,11 @@ def _changed(airframe: Airframe, source: str) -> dict[str, float]:
 
 
 def _fingerprint(airframe: Airframe) -> str:
-    """Of the airframe and of the code that flies and scores it: changed code never resumes old rows."""
-    digest = hashlib.sha256(airframe.fingerprint().encode())
-    for file in sorted([*(ROOT / "aircraft").glob("*.py"), *(ROOT / "aircraft" / "airframes").glob("*.eq")]):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:8]
+    """Of the airframe and of all that flies and scores it: neither changed code nor files resume old rows."""
+    from importlib.metadata import version
+
+    from aircraft.autopilot import EQUATIONS
+    from testbed.campaigns.identity import code_id, content_id
+
+    equations = EQUATIONS.read_text(encoding="utf-8")
+    return content_id([airframe.fingerprint(), code_id(__name__), version("control"), equations])
