@@ -9,7 +9,7 @@ safety function does at those instants.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 from typing import Any
 
@@ -87,6 +87,11 @@ class Future:
             change_off = change_off + np.abs(change) * off * 2.0 * slope**2
         return Flown(h, slope * change, slope * off, slope * change_off, harmonic)
 
+    def of(self, p: Array) -> Future:
+        """Of the pairs p (M,) of these, as often as they are named."""
+        fields = ("speed_i", "speed_j", "rate", "climb_i", "climb_j")
+        return replace(self, **{name: getattr(self, name)[p] for name in fields})
+
     def _turn(self, a: Pose, b: Pose) -> tuple[Array, Array, Array, Array, Array | None]:
         """Least safety function [m^2] over a period of the turn, its change, their errors, the harmonic."""
         shape = a.theta.shape
@@ -126,7 +131,7 @@ class Future:
             yield turned, apart, flown
 
     def _safety(self, square: Array, course: Array) -> tuple[Array, Array]:
-        """The paper's safety function [m^2], its rounding of the kink included, and its slope by i's course."""
+        """The paper's safety function [m^2], its rounding of the kink included; its slope by i's course."""
         tilt = self.delta * (2.0 + np.cos(course) - np.sin(course))
         return square - tilt, self.delta * (np.sin(course) + np.cos(course))
 
@@ -134,7 +139,7 @@ class Future:
         """h alone, in the numbers' own precision."""
         if self.kind != "turn":
             return self.fly(a, b).h
-        mean, first = 0.0, 0.0
+        mean = first = np.zeros(())
         for turned, apart, _ in self._around(a, b):
             rho, _ = self._safety(np.sum(apart**2, axis=-1), a.theta + turned)
             mean, first = mean + rho / INSTANTS, first + 2.0 / INSTANTS * np.exp(-1j * turned) * rho

@@ -84,15 +84,11 @@ def _values(rows: Rows, name: str) -> tuple[Array | None, Array | float, list[li
     if name == "limited_is_safe" and kind == "limited":
         left, off = rows.left
         return left, off, pair, rows.solved[:, run.i] & rows.solved[:, run.j], never
-    inside, doubt = (h >= 0.0).all(axis=1), (np.abs(h) <= h_off).any(axis=1)
+    inside, doubt = np.all(h >= 0.0, axis=1)[:, None], np.any(np.abs(h) <= h_off, axis=1)[:, None]
     if name == "solvable" and kind == "centralised":
-        one = rows.solved.all(axis=1).astype(float)[:, None]
-        return one, 0.0, [[]], inside[:, None], doubt[:, None]
+        return rows.solved.all(axis=1).astype(float)[:, None], 0.0, [[]], inside, doubt
     if name == "solvable_limited" and kind == "limited":
         n = s["vehicles"]
-        each = (
-            np.broadcast_to(inside[:, None], (len(inside), n)),
-            np.broadcast_to(doubt[:, None], (len(doubt), n)),
-        )
+        each = np.repeat(inside, n, axis=1), np.repeat(doubt, n, axis=1)
         return rows.solved.astype(float), 0.0, [[v + 1] for v in range(n)], *each
     return None, 0.0, pair, never, never

@@ -90,13 +90,14 @@ class Pairs:
             if name in self.run.guarantees:
                 yield look(Judge(self.run, self.run.guarantees[name]))
 
-    def _values(self, value: Array, off: Array | float, floor: float, **more: Array) -> Values:
-        unseen = None if self.run.complete else floor
-        return Values.of(self.run.t, value, off, self.who, floor=unseen, **more)
+    def _unseen(self, floor: float) -> float | None:
+        """The floor of what was not recorded; None if all was."""
+        return None if self.run.complete else floor
 
     def _invariance(self, judge: Judge) -> Finding:
         unsafe = bool(self.now.h[0].min() < -H_ALLOWED)
-        seen = self._values(self.now.h, self.now.off + H_ALLOWED, self.lowest)
+        off, floor = self.now.off + H_ALLOWED, self._unseen(self.lowest)
+        seen = Values.of(self.run.t, self.now.h, off, self.who, floor=floor)
         return judge.least(seen, 0.0, lambda h: h >= -H_ALLOWED, void=unsafe)
 
     @cached_property
@@ -129,8 +130,7 @@ class Pairs:
         else:
             value = (then.h - self.now.h[some]) / dt + self.alpha[some]
             off = (then.off + self.now.off[some] + H_ALLOWED) / dt + self.alpha_off[some]
-        unseen = None if self.run.complete else floor
-        seen = Values.of(self.run.t[some], value, off, self.who, floor=unseen)
+        seen = Values.of(self.run.t[some], value, off, self.who, floor=self._unseen(floor))
         return judge.least(seen, 0.0, lambda x: x >= -RATE_ALLOWED, empty=PREMISE)
 
     def _admissible(self, judge: Judge) -> Finding:
@@ -139,12 +139,14 @@ class Pairs:
         b = self.s["barrier"]
         theorem = b["shared"] and b["kind"] in ("turn", "straight")
         theorem = theorem and inside(manoeuvre(self.s), *box(self.s)).min() >= 0.0
-        seen = self._values(
+        seen = Values.of(
+            self.run.t,
             self.alpha + most,
             self.alpha_off + off + H_ALLOWED,
-            -H_ALLOWED if theorem else -np.inf,
-            counts=self.now.h >= 0.0,
-            doubtful=np.abs(self.now.h) <= self.now.off + H_ALLOWED,
+            self.who,
+            self.now.h >= 0.0,
+            np.abs(self.now.h) <= self.now.off + H_ALLOWED,
+            self._unseen(-H_ALLOWED if theorem else -np.inf),
         )
         return judge.least(seen, 0.0, lambda x: x >= -H_ALLOWED, empty=PREMISE)
 
@@ -153,7 +155,10 @@ class Pairs:
         size = np.sqrt((lie**2).sum(axis=(0, 1)))
         off = np.sqrt((self.now.lie_off**2).sum(axis=(0, 1)))
         h, h_off = np.abs(self.now.h), self.now.off + H_ALLOWED
-        seen = self._values(size, off, 0.0, counts=h <= EDGE, doubtful=np.abs(h - EDGE) <= h_off)
+        # Where no pair can have come to the boundary in between, nothing is missing.
+        unseen = None if self.run.complete or self.lowest > EDGE else 0.0
+        near, doubt = h <= EDGE, np.abs(h - EDGE) <= h_off
+        seen = Values.of(self.run.t, size, off, self.who, near, doubt, unseen)
         return judge.least(seen, 0.0, lambda x: x > LEAST_GRADIENT, fails=PREMISE)
 
     def _kink(self, judge: Judge) -> Finding:
@@ -180,8 +185,7 @@ class Pairs:
         least, _, least_off = self.reach
         binds = self.alpha[1:] + least[1:]
         doubt = np.abs(binds) <= self.alpha_off[1:] + least_off[1:]
-        unseen = None if self.run.complete else 0.0
-        seen = Values.of(self.run.t[1:], steps, off, self.who, binds < 0.0, doubt, unseen)
+        seen = Values.of(self.run.t[1:], steps, off, self.who, binds < 0.0, doubt, self._unseen(0.0))
         return judge.least(seen, 1.0, lambda x: x >= 1.0, fails=PREMISE)
 
     def _square_off(self) -> Array:

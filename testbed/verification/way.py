@@ -1,5 +1,5 @@
-"""The paths flown: at the steps of the flight dynamics where the record has them or a unicycle must have flown
-them, and between recorded instants how far a path may have strayed from its chord."""
+"""The paths flown: at every step of the flight dynamics where the record has them, or a unicycle must have
+flown them; and how far, between recorded instants, a path may have strayed from its chord."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Way:
         return float(np.hypot(fastest, climb)) * left if left > 1e-9 else 0.0
 
     def passing(self) -> Array:
-        """(S - 1, P) m: the most that the nearest step of the flight dynamics can be from a pair that passes."""
+        """(S - 1, P) m: the nearest step of the flight dynamics to a pair's passing is within this."""
         pace = np.linalg.norm(np.diff(self.apart(), axis=0), axis=-1) / np.diff(self.t)[:, None]
         half = 0.5 * self.run.scenario["rates"]["fdm_dt_s"] * pace
         stray = self.stray[:, self.run.i] + self.stray[:, self.run.j]

@@ -56,7 +56,8 @@ class Ways:
             floor = float(min((chords - stray).min(initial=np.inf), distance[-1].min() - 2.0 * way.tail))
         between = e["detail"].get("between_steps_m")
         if between is not None and e["value"] is not None:
-            most = min(e["value"], float(chords.min(initial=np.inf))) + ROUNDING
+            most = e["value"] if floor is not None else min(e["value"], float(chords.min(initial=np.inf)))
+            most += ROUNDING
             least = float(chords.min(initial=np.inf)) - ROUNDING if floor is None else floor
             if not least <= between <= most:
                 judge.wrong.append(f"between_steps_m is {between:.6g}, {least:.6g} to {most:.6g} is due")
@@ -75,7 +76,7 @@ class Ways:
         return np.asarray(self.way.track - goals(self.s))
 
     def _goal(self, judge: Judge) -> Finding:
-        run, way, e = self.run, self.way, judge.entry
+        way, e = self.way, judge.entry
         radius, said = self.s["goal_radius_m"], e["value"]
         distance = np.linalg.norm(self._to_goal, axis=-1)
         nearest = distance.min(axis=0)
@@ -164,7 +165,7 @@ class Ways:
                     )
                     continue
                 # The filter period in which the vehicle arrives still counts as a whole.
-                k = int(round(passed[v] / (way.t[1] - way.t[0]))) if len(way.t) > 1 else 0
+                k = round(float(passed[v] / (way.t[1] - way.t[0]))) if len(way.t) > 1 else 0
                 steps = round(s["rates"]["filter_dt_s"] / s["rates"]["fdm_dt_s"])
                 k = min(-(-k // steps) * steps, len(flown) - 1)
                 path = flown[k, v] - (straight[v] - s["goal_radius_m"])
