@@ -48,15 +48,12 @@ def _findings(run: Recorded, folder: Path) -> Iterator[Finding]:
     pairs = Pairs(run, flown) if flown is not None and run.i.size else None
     rows, way = Rows.of(run, pairs), Way.of(run)
     yield from columns(run, way, pairs, rows)
-    yield from premises(run, pairs)
-    if pairs is not None:
-        yield from pairs.findings()
-    else:
-        yield from _without_pairs(run)
-    yield from Ways(run, way).findings()
-    yield from rows.findings()
+    judged = [*premises(run, pairs), *(pairs.findings() if pairs is not None else _without_pairs(run))]
+    judged += [*Ways(run, way).findings(), *rows.findings()]
     if "manoeuvre-keeps-Ds" in run.guarantees:
-        yield manoeuvre_keeps(pairs, Judge(run, run.guarantees["manoeuvre-keeps-Ds"]))
+        judged.append(manoeuvre_keeps(pairs, Judge(run, run.guarantees["manoeuvre-keeps-Ds"])))
+    # Premises, then guarantees by number, then what a monitor checked.
+    yield from sorted(judged, key=lambda f: (not f.what.startswith("P"), f.what.partition(" ")[0]))
     yield from monitored(rows)
 
 

@@ -13,7 +13,6 @@ from testbed.verification.recorded import Array, Recorded
 HOLDS, VIOLATED, PREMISE, OTHER = "holds", "violated", "premise not met", "not applicable"
 Entry = dict[str, Any]
 Rule = Callable[[float], bool]
-UNSEEN = "the record is thinner than the filter's steps, and decides it neither way"
 
 
 @dataclass(frozen=True)
@@ -130,13 +129,13 @@ class Judge:
         fails: str = VIOLATED,
         empty: str = OTHER,
         void: bool = False,
-        missing: str = UNSEEN,
+        missing: str = "",
     ) -> Finding:
         """The entry reports the least of `values`; `rule` says which of them hold.
 
         empty    the verdict where there is nothing to report
         void     whether the premise of it all is not met
-        missing  why instants that are not recorded leave it open
+        missing  why it is open, if not for instants that are not recorded
         """
         e, said = self.entry, self.entry["value"]
         low, high = values.range()
@@ -174,7 +173,15 @@ class Judge:
         what = f"{e['number']} {e['id']}"
         if self.wrong:
             return Finding(what, said, own, False, within, "; ".join(self.wrong))
-        return Finding(what, said, own, None if open_ else True, within, why if open_ else "")
+        return Finding(
+            what, said, own, None if open_ else True, within, (why or thin(self.run)) if open_ else ""
+        )
+
+
+def thin(run: Recorded) -> str:
+    """Why steps in between leave something open."""
+    period = run.scenario["rates"]["record_dt_s"]
+    return f"it cannot be decided from the record at this recording period, {period:g} s"
 
 
 def _where(low: float, high: float) -> str:
@@ -186,7 +193,7 @@ def _where(low: float, high: float) -> str:
 def _between(low: float, high: float) -> str:
     if high == np.inf:
         return "nothing recorded" if low == -np.inf else f"at least {low:.4g}"
-    return f"at most {high:.6g}" if low == -np.inf else f"{low:.4g} to {high:.4g}"
+    return f"at most {high:.6g}" if low == -np.inf else f"{low:.6g} to {high:.6g}"
 
 
 def _short(value: Any) -> str:

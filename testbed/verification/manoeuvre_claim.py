@@ -34,7 +34,7 @@ def manoeuvre_keeps(pairs: Pairs | None, judge: Judge) -> Finding:
     _verdict(judge, branches)
     own = f"{len(branches) - len(unseen)} of {len(branches)} promises"
     if unseen:
-        return judge.done(own, ROUNDING, True, "flown from instants that are not recorded")
+        return judge.done(own, ROUNDING, True)
     if unicycle(run):
         return judge.done(f"{e['value']:.6g}" if e["value"] is not None else "none", ROUNDING)
     return judge.done(own, ROUNDING, True, FLOWN)
@@ -66,6 +66,7 @@ def _promise(pairs: Pairs, judge: Judge, branch: dict[str, Any]) -> bool:
     at = f"at {t:g} s "
     if abs(run.t[k] - t) > 1e-6:
         _shortfall(judge, branch, at)
+        _drifted(pairs, judge, branch, k, at)
         return False
     h, off = pairs.now.h[k], pairs.now.off[k] + H_ALLOWED
     fewest, most = int((h >= off).sum()), int((h >= -off).sum())
@@ -86,6 +87,17 @@ def _promise(pairs: Pairs, judge: Judge, branch: dict[str, Any]) -> bool:
     if unicycle(run):
         _reached(pairs, judge, branch, k, h >= 0.0, at)
     return True
+
+
+def _drifted(pairs: Pairs, judge: Judge, branch: dict[str, Any], k: int, at: str) -> None:
+    """From the nearest recorded instant h can have come no further than its pace allows."""
+    if not branch["safe_pairs"] or branch["vehicles"] not in pairs.who:
+        return
+    p, s = pairs.who.index(branch["vehicles"]), judge.run.scenario
+    most = 1.2 * float(pairs.pace[k, p]) * abs(float(judge.run.t[k]) - branch["t_s"])
+    judge.expect_near(f"{at}h", branch["h"], float(pairs.now.h[k, p]), most + ROUNDING)
+    promise = float(_promised(s, np.asarray(branch["h"])))
+    judge.expect_near(f"{at}promise", branch["promised_m"], promise, ROUNDING)
 
 
 def _promised(s: dict[str, Any], h: Array) -> Array:

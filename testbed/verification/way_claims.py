@@ -66,9 +66,7 @@ class Ways:
         seen = Values.of(way.t, distance, ROUNDING, who, floor=floor, ceiling=ceiling)
         # The straight line between two steps may come nearer than either.
         nearer = between is not None and between < d_safe
-        return judge.least(
-            seen, d_safe, lambda d: d >= d_safe and not nearer, missing="closer in between, it may be"
-        )
+        return judge.least(seen, d_safe, lambda d: d >= d_safe and not nearer)
 
     @cached_property
     def _to_goal(self) -> Array:
@@ -98,8 +96,8 @@ class Ways:
         if way.whole and np.isnan(passed).any() and "last_passed_s" in e["detail"]:
             judge.wrong.append("last_passed_s is given, and some never passed")
         open_ = (low <= radius) != (high <= radius)
-        own = f"{high:.6g}" if way.whole else f"{low:.4g} to {high:.6g}"
-        return judge.done(own, max(high - low, ROUNDING), open_, "nearer in between, it may be")
+        own = f"{high:.6g}" if way.whole else f"{low:.6g} to {high:.6g}"
+        return judge.done(own, max(high - low, ROUNDING), open_)
 
     def _worst_goal(self, judge: Judge, nearest: Array, wide: float) -> None:
         e, way = judge.entry, self.way
@@ -128,7 +126,7 @@ class Ways:
         change = np.abs(run.command - wanted)
         share = (change.max(axis=-1) > OVERRIDE).mean(axis=0)
         if not run.complete:
-            return judge.done(f"about {share.max():.3g}", None, True, "steps of the filter were not recorded")
+            return judge.done(f"about {share.max():.3g}", None, True)
         judge.expect("value", e["value"], float(share.max()))
         if e["vehicles"] and share[e["vehicles"][0] - 1] < share.max() - 1e-9:
             judge.wrong.append(f"vehicle {int(np.argmax(share)) + 1} is altered most")
@@ -138,7 +136,7 @@ class Ways:
         open_ = not self.way.whole
         if self.way.whole:
             self._added(judge)
-        return judge.done(f"{share.max():.6g}", 1e-9, open_, "path added: steps in between not recorded")
+        return judge.done(f"{share.max():.6g}", 1e-9, open_)
 
     def _added(self, judge: Judge) -> None:
         """Path and time beyond the straight way at the nominal speed."""
