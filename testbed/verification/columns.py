@@ -17,6 +17,8 @@ from testbed.verification.way import Way
 
 ROUNDING = 1e-6
 OVERRIDE = 1e-6
+# Of the second difference of velocities, what the mean of two may be off.
+BEND = 0.2
 # Of a start: to rounding, and on an aircraft, whose place on the earth is an angle, a tenth of a millimetre.
 START = {False: 1e-9, True: 1e-4}
 
@@ -107,12 +109,19 @@ def _motion(run: Recorded, way: Way) -> Finding:
 def _strays(run: Recorded, way: Way, velocity: Array, dt: Array) -> Array:
     """How far the mean of two velocities may be from the flight between them (T - 1, N) [m].
 
-    On a unicycle velocities jump; elsewhere they vary by what they do over the intervals around.
+    On a unicycle velocities jump. Elsewhere they bend: by a twelfth of the second difference, where neither
+    gusts nor noise shake them (a tenth at most in runs of both airframes), and otherwise by what they change.
     """
     if unicycle(run):
         change = 2.0 * (way.stray[:, : run.position.shape[1]] / dt)
         return np.asarray((change + np.linalg.norm(np.diff(velocity, axis=0), axis=-1)) * dt + ROUNDING)
-    return np.asarray((way.changing + 1e-3) * dt)
+    s = run.scenario
+    shaken = s["gusts"]["intensity"] != "none" or s["gusts"]["jsbsim_turbulence"] != "none"
+    if shaken or s["gusts"]["sigma_mps"] or not knows_itself(s) or len(velocity) < 3:
+        return np.asarray((way.changing + 1e-3) * dt)
+    bend = np.linalg.norm(np.diff(velocity, 2, axis=0), axis=-1)
+    around = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))
+    return np.asarray((BEND * around + 2e-3) * dt)
 
 
 def _nominal(run: Recorded) -> Iterator[Finding]:

@@ -144,10 +144,11 @@ class Judge:
             if high < np.inf:
                 self.wrong.append(f"no value, {high:.6g} is due")
             return self.done("none", open_=values.floor is not None, why=missing)
+        if not low <= said <= high:
+            due = f"{values.least():.6g}" if values.floor is None else _between(low, high)
+            self.wrong.append(f"value is {said:.6g}, {due} is due")
         self.expect("bound", e["bound"], float(bound))
         self.expect("margin", e["margin"], float(said - bound))
-        if not low <= said <= high:
-            self.wrong.append(f"value is {said:.6g}, at " + _where(low, high))
         self._place(values, said)
         self.expect("verdict", e["verdict"], PREMISE if void else self.verdict(rule(said), fails))
         if values.floor is None:
@@ -182,12 +183,6 @@ def thin(run: Recorded) -> str:
     """Why steps in between leave something open."""
     period = run.scenario["rates"]["record_dt_s"]
     return f"it cannot be decided from the record at this recording period, {period:g} s"
-
-
-def _where(low: float, high: float) -> str:
-    if high == np.inf:
-        return "least nothing is to be seen" if low == np.inf else f"least {low:.6g} is due"
-    return f"most {high:.6g} is due" if low == -np.inf else f"{low:.6g} to {high:.6g} is due"
 
 
 def _between(low: float, high: float) -> str:

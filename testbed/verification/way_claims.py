@@ -109,7 +109,10 @@ class Ways:
             judge.wrong.append(f"vehicle {v + 1} came within {nearest[v]:.6g} m")
         k = int(np.argmin(np.abs(way.t - e["t_s"])))
         there = float(np.linalg.norm(self._to_goal[k, v]))
-        if abs(way.t[k] - e["t_s"]) < 1e-6 and not abs(there - e["value"]) <= ROUNDING:
+        if abs(way.t[k] - e["t_s"]) > 1e-6:
+            if way.whole:
+                judge.wrong.append(f"nothing was flown at {e['t_s']:g} s")
+        elif not abs(there - e["value"]) <= ROUNDING:
             judge.wrong.append(f"vehicle {v + 1} is {there:.6g} m from its goal at {e['t_s']:g} s")
 
     @cached_property
