@@ -117,7 +117,8 @@ def _strays(run: Recorded, way: Way, velocity: Array, dt: Array) -> Array:
         return np.asarray((change + np.linalg.norm(np.diff(velocity, axis=0), axis=-1)) * dt + ROUNDING)
     s = run.scenario
     shaken = s["gusts"]["intensity"] != "none" or s["gusts"]["jsbsim_turbulence"] != "none"
-    if shaken or s["gusts"]["sigma_mps"] or not knows_itself(s) or len(velocity) < 3:
+    shaken = shaken or s["gusts"]["sigma_mps"] or not knows_itself(s) or "plant" in run.parts
+    if shaken or len(velocity) < 3:
         return np.asarray((way.changing + 1e-3) * dt)
     bend = np.linalg.norm(np.diff(velocity, 2, axis=0), axis=-1)
     around = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))
