@@ -49,23 +49,11 @@ def test_it_agrees_with_every_built_in_scenario(name: str, tmp_path: Path) -> No
     "name", ["paper-2-turn", "paper-2-straight-altitude", "paper-20-turn", "published-2-turn"]
 )
 def test_it_agrees_with_whole_runs_as_they_are_built_in(name: str, tmp_path: Path) -> None:
-    whole(name, [], tmp_path / "run")
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("name", builtin())
-def test_it_agrees_with_every_whole_run(name: str, tmp_path: Path) -> None:
-    whole(name, [], tmp_path / "built-in")
-    if name != "paper-50-turn":  # five million pairs and instants take too much memory
-        whole(name, ["record_dt_s=0.005"], tmp_path / "recorded-whole")
-
-
-def whole(name: str, overrides: list[str], folder: Path) -> None:
-    """Fly it; everything agrees, and where every step was recorded nothing is open."""
-    s = load(name, overrides)
-    run(s, folder, force=True)
-    assert differing(folder) == set()
-    assert bool(open_(folder)) == (s.rates.record_dt_s > s.rates.filter_dt_s)
+    s = load(name)
+    run(s, tmp_path / "run", force=True)
+    assert differing(tmp_path / "run") == set()
+    # Where every step was recorded, nothing is open.
+    assert bool(open_(tmp_path / "run")) == (s.rates.record_dt_s > s.rates.filter_dt_s)
 
 
 @pytest.mark.slow
@@ -119,9 +107,18 @@ def test_it_agrees_with_aircraft(airframe: str, overrides: list[str], more: set[
     ],
 )
 def test_it_agrees_with_kinematic_vehicles(overrides: list[str], more: set[str], tmp_path: Path) -> None:
-    run(load("paper-2-turn", [*NEAR, *overrides]), tmp_path / "run", force=True)
+    made = run(load("paper-2-turn", [*NEAR, *overrides]), tmp_path / "run", force=True)
     assert differing(tmp_path / "run") == set()
     assert open_(tmp_path / "run") == more
+    assert {f.what.split()[-1] for f in verify(tmp_path / "run")} >= {e["id"] for e in made.guarantees}
+
+
+def test_a_manoeuvre_it_does_not_fly_is_left_open(tmp_path: Path) -> None:
+    """One flies straight and one turns: there h is a search, and no second one is made."""
+    kinds = "barrier.manoeuvres=[{v_mps=16}, {v_mps=16, omega_degps=9}]"
+    run(load("paper-2-turn", [*SHORT, "barrier.kind=rollout", kinds]), tmp_path / "run")
+    assert differing(tmp_path / "run") == set()
+    assert open_(tmp_path / "run") >= {"h_m", "safe-set", "barrier-condition", "start-safe", "rows-satisfied"}
 
 
 @pytest.mark.parametrize("plant", ["unicycle", "lagged", pytest.param("jsbsim", marks=pytest.mark.slow)])

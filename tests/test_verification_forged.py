@@ -146,6 +146,17 @@ def test_a_violation_painted_over(lagged: Path, tmp_path: Path, name: str) -> No
     assert differing(folder) == {name}
 
 
+@pytest.mark.parametrize(
+    "name", ["separation", "safe-set", "barrier-condition", "zcbf-condition", "rows-satisfied", "gradient",
+             "off-the-kink", "manoeuvre-keeps-Ds"]
+)  # fmt: skip
+def test_claims_of_one_vehicle_on_others(name: str, tmp_path: Path) -> None:
+    run(load("paper-2-turn", [*NEAR, "vehicles=1", "duration_s=0.5"]), tmp_path / "run")
+    edit_entry(tmp_path / "run", name, verdict=HOLDS)
+    seal(tmp_path / "run")
+    assert differing(tmp_path / "run") == {name}
+
+
 def test_an_unsafe_start_called_safe(tmp_path: Path) -> None:
     run(load("paper-2-turn", [*NEAR, "radius_m=7", "duration_s=0.5"]), tmp_path / "run", force=True)
     assert entry(tmp_path / "run", "start-safe")["verdict"] == PREMISE
