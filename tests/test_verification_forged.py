@@ -204,6 +204,28 @@ def test_qps_without_a_solution_forgotten(crowd: Path, tmp_path: Path) -> None:
     assert differing(folder) >= {"solutions", "rows-satisfied"}
 
 
+@pytest.mark.parametrize("kind", ["centralised", "limited"])
+def test_no_solution_claimed_where_there_is_one(kind: str, tmp_path: Path) -> None:
+    """And where there is none, gamma is flown."""
+    run(load("paper-2-turn", [*NEAR, "radius_m=7", f"filter.kind={kind}"]), tmp_path / "run", force=True)
+    failures = entry(tmp_path / "run", "qp-feasibility")["value"]
+    assert failures > 0 and differing(tmp_path / "run") == set()
+    other = copied(tmp_path / "run", tmp_path / "other")
+    edit_table(
+        other,
+        "vehicles",
+        lambda table: table.assign(
+            v_command_mps=table.v_command_mps.where(table.qp_status != "infeasible", 18.0)
+        ),
+    )
+    seal(other)
+    assert "qp_status" in differing(other)
+    painted = copied(tmp_path / "run", tmp_path / "painted")
+    edit_table(painted, "vehicles", lambda table: table.assign(qp_status="infeasible"))
+    seal(painted)
+    assert differing(painted) >= {"no-solutions", "qp_status"}
+
+
 @pytest.mark.parametrize("detail", [{"in_safe_set": 1}, {"infeasible": 1, "in_safe_set": 0}], ids=str)
 def test_details_of_failures(crowd: Path, tmp_path: Path, detail: dict[str, int]) -> None:
     folder = copied(crowd, tmp_path / "x")
@@ -298,6 +320,24 @@ def test_an_entry_left_out(unicycle: Path, tmp_path: Path, name: str) -> None:
     assert differing(folder) == {"entries"}
 
 
+def test_a_guarantee_called_a_premise(unicycle: Path, tmp_path: Path) -> None:
+    folder = copied(unicycle, tmp_path / "x")
+    edit_entry(folder, "separation", number="P1")
+    seal(folder)
+    assert differing(folder) == {"entries"}
+
+
+def test_no_qp_where_there_was_one(unicycle: Path, tmp_path: Path) -> None:
+    """All words and both claims changed together."""
+    folder = copied(unicycle, tmp_path / "x")
+    edit_table(folder, "vehicles", lambda table: table.assign(qp_status="none"))
+    nothing: dict[str, Any] = {"value": None, "bound": None, "margin": None, "t_s": None, "vehicles": []}
+    for name in ("qp-feasibility", "rows-satisfied"):
+        edit_entry(folder, name, verdict=OTHER, detail={}, **nothing)
+    seal(folder)
+    assert differing(folder) >= {"qp_status", "qp-feasibility"}
+
+
 def test_an_entry_twice(unicycle: Path, tmp_path: Path) -> None:
     folder = copied(unicycle, tmp_path / "x")
     entries = read(folder, "guarantees.json")
@@ -319,6 +359,7 @@ def test_an_entry_twice(unicycle: Path, tmp_path: Path) -> None:
         ("vehicles", "v_command_mps", 1e-3, {"motion", "hdot_predicted"}),
         ("vehicles", "v_command_mps", 11.0, {"command-limits"}),
         ("vehicles", "qp_status", "infeasible", {"qp-feasibility"}),
+        ("vehicles", "qp_status", "none", {"qp_status"}),
         ("vehicles", "override", True, {"override"}),
         ("vehicles", "x_m", float("nan"), {"numbers", "motion", "distance_m"}),
         ("pairs", "distance_m", 1e-4, {"distance_m"}),

@@ -13,22 +13,26 @@ from pathlib import Path
 
 from testbed.errors import UserError
 from testbed.verification.columns import columns
-from testbed.verification.filter_claims import Rows
+from testbed.verification.filter_claims import filtering
 from testbed.verification.finding import OTHER, Finding, Judge
 from testbed.verification.future import Pose, fly_on
 from testbed.verification.manoeuvre_claim import manoeuvre_keeps
 from testbed.verification.monitor_claims import BOUNDS, monitored
-from testbed.verification.pair_claims import Pairs
+from testbed.verification.pair_claims import SOLVING, Pairs
 from testbed.verification.premise_claims import premises
 from testbed.verification.recorded import Recorded, read
+from testbed.verification.rows import Rows
+from testbed.verification.solutions import solutions
 from testbed.verification.way import Way
 from testbed.verification.way_claims import Ways
 
-ALWAYS = (
-    "start-safe", "shared-manoeuvre", "manoeuvre-in-U", "manoeuvre-flyable", "gradient", "off-the-kink",
-    "separation", "safe-set", "barrier-condition", "zcbf-condition", "qp-feasibility", "command-limits",
-    "rows-satisfied", "goal", "intervention",
-)  # fmt: skip
+# Every run's claims and their numbers: a premise is judged otherwise than a guarantee.
+ALWAYS = {
+    "start-safe": "P1", "shared-manoeuvre": "P2", "manoeuvre-in-U": "P3", "manoeuvre-flyable": "P4",
+    "gradient": "P5", "off-the-kink": "P6", "separation": "G1", "safe-set": "G2", "barrier-condition": "G3",
+    "zcbf-condition": "G4a", "qp-feasibility": "G4", "command-limits": "G5", "rows-satisfied": "G6",
+    "goal": "G7", "intervention": "G8",
+}  # fmt: skip
 
 
 def verify(folder: Path) -> list[Finding]:
@@ -49,7 +53,7 @@ def _findings(run: Recorded, folder: Path) -> Iterator[Finding]:
     rows, way = Rows.of(run, pairs), Way.of(run)
     yield from columns(run, way, pairs, rows)
     judged = [*premises(run, pairs), *(pairs.findings() if pairs is not None else _without_pairs(run))]
-    judged += [*Ways(run, way).findings(), *rows.findings()]
+    judged += [*Ways(run, way).findings(), *filtering(rows), *solutions(rows)]
     if "manoeuvre-keeps-Ds" in run.guarantees:
         judged.append(manoeuvre_keeps(pairs, Judge(run, run.guarantees["manoeuvre-keeps-Ds"])))
     # Premises, then guarantees by number, then what a monitor checked.
@@ -60,17 +64,15 @@ def _findings(run: Recorded, folder: Path) -> Iterator[Finding]:
 def _entries(run: Recorded, folder: Path) -> Finding:
     """Every claim that such a run is judged by is there, once, and no other."""
     s = run.scenario
-    due = list(ALWAYS)
+    due = dict(ALWAYS)
     if s["checks"]["manoeuvre_instants"] and not run.ended:
-        due.append("manoeuvre-keeps-Ds")
-    if (
-        s["filter"]["monitor"]
-        and "filter" not in run.parts
-        and s["filter"]["kind"] in ("centralised", "limited")
-    ):
-        due += [f"monitor-{name}" for name in BOUNDS]
-    said = [e["id"] for e in json.loads((folder / "guarantees.json").read_text(encoding="utf-8"))]
-    odd = sorted(set(due) ^ set(said)) + sorted({name for name in said if said.count(name) > 1})
+        due["manoeuvre-keeps-Ds"] = "G9"
+    if s["filter"]["monitor"] and "filter" not in run.parts and s["filter"]["kind"] in SOLVING:
+        due |= {f"monitor-{name}": "M" for name in BOUNDS}
+    said = [(e["id"], e["number"]) for e in json.loads((folder / "guarantees.json").read_text("utf-8"))]
+    odd = sorted(
+        {name for name, _ in set(due.items()) ^ set(said)} | {n for n, _ in said if said.count((n, _)) > 1}
+    )
     return Finding("entries", f"{len(said)} claims", f"{len(due)} claims", not odd, None, ", ".join(odd))
 
 

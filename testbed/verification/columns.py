@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.verification.filter_claims import Rows
 from testbed.verification.finding import Finding
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.pair_claims import Pairs, unicycle
 from testbed.verification.recorded import Array, Recorded
+from testbed.verification.rows import Rows
 from testbed.verification.scene import arc, box, knows_itself, nominal, start
 from testbed.verification.way import Way
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.verification.filter_claims import Rows
 from testbed.verification.finding import HOLDS, OTHER, PREMISE, VIOLATED, Finding, Judge, Values
 from testbed.verification.future import manoeuvre
 from testbed.verification.pair_claims import EDGE, H_ALLOWED
 from testbed.verification.recorded import Array
+from testbed.verification.rows import Rows
 from testbed.verification.scene import alpha, filters_own, steepness
 
 # Check -> its bound; of these, those that void a theorem where they fail.
