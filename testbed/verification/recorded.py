@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,10 @@ class Recorded:
     vehicles   column -> (T, N)
     pairs      column -> (T, P), pairs in the order (1, 2), (1, 3), ... (N - 1, N)
     i, j       (P,) vehicles of each pair, from 0
-    changed    files whose checksum is not the manifest's
+    changed    files whose checksum is not the manifest's, the manifest by its own
     """
 
+    manifest: dict[str, Any]
     scenario: dict[str, Any]
     ended: str | None
     guarantees: dict[str, dict[str, Any]]
@@ -37,6 +39,40 @@ class Recorded:
     changed: list[str]
 
     @property
+    def complete(self) -> bool:
+        """Whether every filter step was recorded."""
+        return self._ratio("filter_dt_s") == 1
+
+    @property
+    def every_step(self) -> bool:
+        """Whether every step of the flight dynamics was recorded."""
+        return self._ratio("fdm_dt_s") == 1
+
+    def _ratio(self, name: str) -> int:
+        rates = self.scenario["rates"]
+        return round(rates["record_dt_s"] / rates[name])
+
+    @property
+    def parts(self) -> dict[str, str]:
+        """Parts of the run that were not the scenario's: what -> whose."""
+        return dict(self.manifest.get("parts", {}))
+
+    def channels(self, suffix: str) -> Array:
+        """(T, N, 3): v, omega and zeta achieved (""), wanted ("_nominal") or commanded ("_command")."""
+        names = (f"v{suffix}_mps", f"omega{suffix}_radps", f"zeta{suffix}_mps")
+        return np.stack([self.vehicles[c] for c in names], axis=-1)
+
+    @cached_property
+    def rates(self) -> Array:
+        """(T, N, 3) achieved."""
+        return self.channels("")
+
+    @cached_property
+    def command(self) -> Array:
+        """(T, N, 3)"""
+        return self.channels("_command")
+
+    @cached_property
     def position(self) -> Array:
         """(T, N, 3) m"""
         return np.stack([self.vehicles[c] for c in ("x_m", "y_m", "z_m")], axis=-1)
@@ -84,7 +120,17 @@ def read(folder: Path) -> Recorded:
         for name, told in manifest.get("files", {}).items()
         if hashlib.sha256((folder / name).read_bytes()).hexdigest() != told
     ]
-    return Recorded(s, ended, entries, t, vehicles, pairs, i, j, changed)
+    tables = ["vehicles.parquet", "pairs.parquet"] if i.size else ["vehicles.parquet"]
+    changed += [name for name in [*tables, "guarantees.json"] if name not in manifest.get("files", {})]
+    if manifest.get("sha256") != _seal(manifest):
+        changed.append("manifest.json")
+    return Recorded(manifest, s, ended, entries, t, vehicles, pairs, i, j, changed)
+
+
+def _seal(manifest: dict[str, Any]) -> str:
+    """Checksum of all that a manifest says beside it."""
+    said = {key: value for key, value in manifest.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
 
 def _json(folder: Path, name: str) -> Any:

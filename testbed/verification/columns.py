@@ -1,0 +1,228 @@
+"""The recorded columns against each other: does the flight begin, move and answer as the scenario says?"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from testbed.verification.finding import Finding
+from testbed.verification.future import Pose, manoeuvre
+from testbed.verification.pair_claims import Pairs, unicycle
+from testbed.verification.recorded import Array, Recorded
+from testbed.verification.rows import Rows
+from testbed.verification.scene import arc, box, knows_itself, nominal, start
+from testbed.verification.way import Way
+
+ROUNDING = 1e-6
+OVERRIDE = 1e-6
+# Of the second difference of velocities, what the mean of two may be off.
+BEND = 0.2
+# Of a start: to rounding, and on an aircraft, whose place on the earth is an angle, a tenth of a millimetre.
+START = {False: 1e-9, True: 1e-4}
+
+
+def columns(run: Recorded, way: Way, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
+    yield _numbers(run)
+    yield _end(run)
+    if "plant" not in run.parts:
+        yield _start(run)
+    if len(run.t) > 1:
+        yield _motion(run, way)
+    if not set(run.parts) & {"nominal", "disturbance"} and knows_itself(run.scenario):
+        yield from _nominal(run)
+    yield _override(run)
+    if run.i.size:
+        yield from _pairs(run, pairs, rows)
+
+
+def _compared(name: str, said: Array, own: Array, within: Array | float, why: str = "") -> Finding:
+    """A column of values that must be as we find them."""
+    off = np.abs(said - own)
+    good = off <= within
+    worst = float(np.nanmax(off, initial=0.0))
+    bad = int((~good).sum())
+    note = "" if not bad else f"{bad} of {said.size} values differ" + why
+    tight = float(np.max(within, initial=0.0))
+    return Finding(name, f"{said.size} values", f"off by {worst:.2g}", not bad, tight, note)
+
+
+def _numbers(run: Recorded) -> Finding:
+    """Numbers are recorded where numbers are due: what is not comparable would agree with anything."""
+    channels = [run.channels(suffix) for suffix in ("", "_nominal", "_command")]
+    due = {"poses": [run.position, run.vehicles["theta_rad"]], "rates and commands": channels}
+    if run.i.size:
+        due["distances and h"] = [run.pairs["distance_m"], run.pairs["h_m"]]
+    bad = [name for name, arrays in due.items() if not all(np.isfinite(a).all() for a in arrays)]
+    said = ", ".join(bad)
+    return Finding(
+        "numbers", "all finite", said or "all finite", not bad, None, said and f"not finite: {said}"
+    )
+
+
+def _end(run: Recorded) -> Finding:
+    """The run ended when the manifest says, after as many filter steps."""
+    s, dt = run.scenario, run.scenario["rates"]["filter_dt_s"]
+    record, steps = s["rates"]["record_dt_s"], run.manifest.get("filter_steps")
+    said = "early" if run.ended else f"{s['duration_s']:g} s"
+    due = round(s["duration_s"] / dt) + 1
+    wrong = []
+    if run.ended:
+        told = re.search(r"(?:by|at) ([\d.]+) s, the run ended there", run.ended)
+        if told is None:
+            wrong.append("no time of the end is given")
+        else:
+            due = round(float(told.group(1)) / dt)
+    rows = (due - 1) // round(record / dt) + 1
+    if len(run.t) != rows:
+        wrong.append(f"{len(run.t)} instants are recorded, {rows} are due")
+    if steps != due:
+        wrong.append(f"filter_steps is {steps}, {due} is due")
+    return Finding("end", said, f"{run.t[-1]:g} s recorded", not wrong, None, "; ".join(wrong))
+
+
+def _start(run: Recorded) -> Finding:
+    due = start(run.scenario)
+    position, theta = run.position[0], run.vehicles["theta_rad"][0]
+    turned = np.abs(np.angle(np.exp(1j * (theta - due.theta))))
+    off = np.maximum(np.linalg.norm(position - due.position, axis=-1), turned)
+    return _compared("start", np.zeros_like(off), off, START[run.scenario["plant"] == "jsbsim"])
+
+
+def _motion(run: Recorded, way: Way) -> Finding:
+    """Positions follow from commands on a unicycle; from speeds, courses and climb rates on any plant."""
+    position, theta = run.position, run.vehicles["theta_rad"]
+    dt = np.diff(run.t)[:, None]
+    if unicycle(run) and run.complete:
+        then = arc(Pose(position[:-1], theta[:-1]), run.command[:-1], dt)
+        off = np.linalg.norm(position[1:] - then.position, axis=-1) + np.abs(theta[1:] - then.theta)
+        off = off + np.abs(run.rates[1:] - run.command[:-1]).max(axis=-1)
+        return _compared("motion", np.zeros_like(off), off, 1e-9 * (1.0 + np.abs(position[1:]).max()))
+    velocity = run.velocity
+    off = np.linalg.norm(
+        np.diff(position, axis=0) - 0.5 * dt[..., None] * (velocity[:-1] + velocity[1:]), axis=-1
+    )
+    return _compared("motion", np.zeros_like(off), off, _strays(run, way, velocity, dt))
+
+
+def _strays(run: Recorded, way: Way, velocity: Array, dt: Array) -> Array:
+    """How far the mean of two velocities may be from the flight between them (T - 1, N) [m].
+
+    On a unicycle velocities jump. Elsewhere they bend: by a twelfth of the second difference, where neither
+    gusts nor noise shake them (a tenth at most in runs of both airframes), and otherwise by what they change.
+    """
+    if unicycle(run):
+        change = 2.0 * (way.stray[:, : run.position.shape[1]] / dt)
+        return np.asarray((change + np.linalg.norm(np.diff(velocity, axis=0), axis=-1)) * dt + ROUNDING)
+    s = run.scenario
+    shaken = s["gusts"]["intensity"] != "none" or s["gusts"]["jsbsim_turbulence"] != "none"
+    shaken = shaken or s["gusts"]["sigma_mps"] or not knows_itself(s) or "plant" in run.parts
+    if shaken or len(velocity) < 3:
+        return np.asarray((way.changing + 1e-3) * dt)
+    bend = np.linalg.norm(np.diff(velocity, 2, axis=0), axis=-1)
+    around = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))
+    return np.asarray((BEND * around + 2e-3) * dt)
+
+
+def _nominal(run: Recorded) -> Iterator[Finding]:
+    """What the controller wanted, from the pose recorded, or that of some steps before."""
+    s = run.scenario
+    late, steps = s["nominal"]["delay_steps"], round(s["rates"]["record_dt_s"] / s["rates"]["filter_dt_s"])
+    if late % steps:
+        return
+    wanted = nominal(s, Pose(run.position, run.vehicles["theta_rad"]), manoeuvre(s))
+    if late:
+        none = np.zeros((late // steps, *wanted.shape[1:]))
+        wanted = np.concatenate([none, wanted])[: len(run.t)]
+    said = run.channels("_nominal")
+    yield _compared("nominal", said, wanted, 1e-9 * (1.0 + np.abs(wanted)))
+
+
+def _override(run: Recorded) -> Finding:
+    """The flag says whether the filter changed the command beyond what the limits force."""
+    change = np.abs(run.command - np.clip(run.channels("_nominal"), *box(run.scenario))).max(axis=-1)
+    said = run.vehicles["override"].astype(bool)
+    wrong = (said != (change > OVERRIDE)) & (np.abs(change - OVERRIDE) > 1e-9)
+    note = f"{int(wrong.sum())} flags differ" if wrong.any() else ""
+    if run.complete and "override_share" in run.manifest:
+        share = said.mean(axis=0)
+        if not np.allclose(share, run.manifest["override_share"], rtol=0.0, atol=1e-9):
+            note = note or "override_share of the manifest differs"
+    return Finding(
+        "override",
+        f"{int(said.sum())} flags",
+        f"{int((change > OVERRIDE).sum())} altered",
+        not note,
+        None,
+        note,
+    )
+
+
+def _pairs(run: Recorded, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
+    table = run.pairs
+    distance = np.linalg.norm(run.position[:, run.i] - run.position[:, run.j], axis=-1)
+    yield _compared("distance_m", table["distance_m"], distance, ROUNDING)
+    if pairs is None:
+        yield Finding(
+            "h_m", f"{table['h_m'].size} values", "unknown", None, None, "a manoeuvre that we do not fly"
+        )
+        return
+    now = pairs.now
+    yield _compared("h_m", table["h_m"], now.h, now.off + 1e-9)
+    u_i, u_j = run.command[:, run.i], run.command[:, run.j]
+    predicted, off = now.hdot(u_i, u_j)
+    # A kink's gradient is any of many.
+    yield _compared(
+        "hdot_predicted", table["hdot_predicted_mps"], predicted, off + 1e-9 * (1.0 + np.abs(predicted))
+    )
+    yield _realised(run, pairs)
+    yield from _residuals(run, pairs)
+    yield _filters(run, rows)
+
+
+def _filters(run: Recorded, rows: Rows) -> Finding:
+    """h as the filter saw it; nan of a filter that has none."""
+    said = run.pairs["h_filter_m"]
+    if run.scenario["filter"]["kind"] not in ("centralised", "limited") or "filter" in run.parts:
+        bare = bool(np.isnan(said).all()) or "filter" in run.parts
+        return Finding("h_filter_m", "no h" if bare else f"{said.size} values", "no h", bare)
+    if rows.own is None:
+        why = rows.seen if isinstance(rows.seen, str) else "a manoeuvre that we do not fly"
+        return Finding("h_filter_m", f"{said.size} values", "unknown", None, None, why)
+    return _compared("h_filter_m", said, rows.own.h, rows.own.off + 1e-9)
+
+
+def _realised(run: Recorded, pairs: Pairs) -> Finding:
+    """Change of h over the filter period that follows; unknown after the last step."""
+    said = run.pairs["hdot_realised_mps"]
+    then, some, _ = pairs.after
+    if then is None:
+        why = "the steps that follow recorded instants are not recorded"
+        return Finding("hdot_realised", f"{said.size} values", "unknown", None, None, why)
+    dt = run.scenario["rates"]["filter_dt_s"]
+    own, off = (then.h - pairs.now.h[some]) / dt, (then.off + pairs.now.off[some] + 1e-9) / dt
+    return _compared("hdot_realised", said[some], own, off)
+
+
+def _residuals(run: Recorded, pairs: Pairs) -> Iterator[Finding]:
+    """The ledger's channels: what errors of the rates flown made of hdot."""
+    if not run.complete or len(run.t) < 2:
+        return
+    flown, dt = 0.5 * (run.rates[1:] + run.rates[:-1]), run.scenario["rates"]["filter_dt_s"]
+    error = flown - run.command[:-1]
+    drift = np.zeros(error.shape[:2])
+    if "heading_rad" in run.vehicles:
+        turned = np.diff(run.vehicles["heading_rad"], axis=0)
+        drift = flown[..., 1] - np.angle(np.exp(1j * turned)) / dt
+    by = {"v": error[..., 0], "omega": error[..., 1] - drift, "zeta": error[..., 2], "course": drift}
+    for name, x in by.items():
+        k = {"v": 0, "omega": 1, "zeta": 2, "course": 1}[name]
+        own, off = np.zeros(pairs.now.h[:-1].shape), np.zeros(pairs.now.h[:-1].shape)
+        for side, vehicle in enumerate((run.i, run.j)):
+            own = own + pairs.now.lie[side, k, :-1] * x[:, vehicle]
+            off = off + pairs.now.lie_off[side, k, :-1] * np.abs(x[:, vehicle])
+        # The heading's change is a difference of recorded angles.
+        turn = np.abs(pairs.now.lie[:, k, :-1]).sum(axis=0) * 1e-12 / dt
+        said = run.pairs[f"residual_{name}_mps"][:-1]
+        yield _compared(f"residual_{name}", said, own, off + turn + 1e-9 * (1.0 + np.abs(own)))

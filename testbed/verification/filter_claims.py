@@ -1,0 +1,111 @@
+"""G4, G5, G6: how the QPs ended, and the commands held against the limits and the filter's rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from testbed.verification.finding import OTHER, PREMISE, Finding, Judge, Values
+from testbed.verification.pair_claims import H_ALLOWED
+from testbed.verification.recorded import Array
+from testbed.verification.rows import Rows
+from testbed.verification.scene import box, inside
+
+ROW_ALLOWED = 1e-6
+FAILED = ("infeasible", "iteration_limit")
+
+
+def filtering(rows: Rows) -> Iterator[Finding]:
+    for name, look in (
+        ("qp-feasibility", _feasibility),
+        ("command-limits", _limits),
+        ("rows-satisfied", _satisfied),
+    ):
+        if name in rows.run.guarantees:
+            yield look(rows, Judge(rows.run, rows.run.guarantees[name]))
+
+
+def _feasibility(rows: Rows, judge: Judge) -> Finding:
+    run, e = rows.run, judge.entry
+    if not rows.solves:
+        judge.expect("value", e["value"], None)
+        judge.expect("verdict", e["verdict"], OTHER)
+        return judge.done("no QP")
+    status = run.vehicles["qp_status"]
+    failed = np.isin(status, FAILED)
+    count = int(failed.sum())
+    if not isinstance(e["value"], int) or e["value"] < count or (run.complete and e["value"] != count):
+        judge.wrong.append(f"{count} are recorded")
+    value = e["value"] if isinstance(e["value"], int) else count
+    judge.expect("bound", e["bound"], 0)
+    judge.expect("margin", e["margin"], -value)
+    judge.expect("verdict", e["verdict"], judge.verdict(value == 0))
+    if run.complete:
+        due = {name: int((status == name).sum()) for name in FAILED if (status == name).any()}
+        judge.expect("detail", {k: n for k, n in e["detail"].items() if k in FAILED}, due)
+        fewest, most = (int(failed[safe].sum()) for safe in _safe(rows))
+        if not fewest <= e["detail"].get("in_safe_set", -1) <= most:
+            judge.wrong.append(f"in_safe_set is {e['detail'].get('in_safe_set')}, {most} is due")
+        if count:
+            k, v = (int(a[0]) for a in np.nonzero(failed))
+            judge.expect("t_s", e["t_s"], float(run.t[k]))
+            judge.expect("vehicles", e["vehicles"], [v + 1])
+    return judge.done(f"{count} recorded", open_=not run.complete and count == 0)
+
+
+def _safe(rows: Rows) -> tuple[Array, Array]:
+    """Instants (T,) at which every pair is safe beyond round-off, and at which it may be."""
+    if rows.pairs is None:
+        every = np.ones(len(rows.run.t), dtype=bool)
+        return np.asarray(every & (rows.run.i.size == 0)), every
+    now = rows.pairs.now
+    off = now.off + H_ALLOWED
+    return np.all(now.h >= off, axis=1), np.all(now.h >= -off, axis=1)
+
+
+def _limits(rows: Rows, judge: Judge) -> Finding:
+    run, e = rows.run, judge.entry
+    share = inside(run.command, *box(rows.s))
+    who = [[v + 1] for v in range(rows.s["vehicles"])]
+    seen = Values.of(run.t, share, 1e-12, who, floor=None if run.complete else -np.inf)
+    for k, name in enumerate(("v_mps", "omega_radps", "zeta_mps")):
+        low, high = float(run.rates[..., k].min()), float(run.rates[..., k].max())
+        said = e["detail"].get(f"achieved_{name}", [np.nan, np.nan])
+        if not (said[0] <= low and said[1] >= high):
+            judge.wrong.append(f"achieved {name} {low:.6g} to {high:.6g} are recorded")
+        elif run.complete and not (said[0] == low and said[1] == high):
+            judge.wrong.append(f"achieved {name} is only {low:.6g} to {high:.6g}")
+    _stops(judge)
+    return judge.least(seen, 0.0, lambda x: x >= 0.0, empty=PREMISE)
+
+
+def _stops(judge: Judge) -> None:
+    """Shares of the recorded instants held back by the autopilot, or with the throttle at a stop."""
+    held = judge.entry["detail"].get("share_at_stop", {})
+    for name in ("limited_v", "limited_omega", "limited_zeta", "throttle"):
+        if name in held and name in judge.run.vehicles:
+            x = judge.run.vehicles[name]
+            stopped = (x <= 0.01) | (x >= 0.99) if name == "throttle" else x > 0.5
+            judge.expect_near(f"{name} at a stop", held[name], float(stopped.mean(axis=0).max()), 1e-9)
+
+
+def _satisfied(rows: Rows, judge: Judge) -> Finding:
+    run, e = rows.run, judge.entry
+    if not rows.solves or not run.i.size:
+        judge.expect("value", e["value"], None)
+        judge.expect("verdict", e["verdict"], OTHER)
+        return judge.done("no rows")
+    if rows.own is None:
+        missing = rows.seen if isinstance(rows.seen, str) else "a manoeuvre that we do not fly"
+        empty = np.zeros((0, run.i.size))
+        assert rows.pairs is not None or missing
+        who = [[int(a) + 1, int(b) + 1] for a, b in zip(run.i, run.j, strict=True)]
+        seen = Values.of(np.zeros(0), empty, 0.0, who, floor=-np.inf)
+        return judge.least(seen, 0.0, lambda x: x >= -ROW_ALLOWED, empty=PREMISE, missing=missing)
+    assert rows.pairs is not None
+    left, off = rows.left
+    counts = rows.solved[:, run.i] & rows.solved[:, run.j]
+    floor = None if run.complete else -np.inf
+    seen = Values.of(run.t, left, off, rows.pairs.who, counts, floor=floor)
+    return judge.least(seen, 0.0, lambda x: x >= -ROW_ALLOWED, empty=PREMISE)

@@ -1,0 +1,211 @@
+"""G2, G3, G4a, P5, P6: what h and its answer to inputs were, pair by pair, at the true poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from testbed.verification.finding import OTHER, PREMISE, Finding, Judge, Values
+from testbed.verification.future import Flown, Pose, fly_on, manoeuvre
+from testbed.verification.recorded import Array, Recorded
+from testbed.verification.scene import Scenario, alpha, arc, box, inside, steepness
+
+# As the verdicts allow: round-off of h, and curvature within a filter period [m/s].
+H_ALLOWED, RATE_ALLOWED = 1e-9, 1e-3
+# |h| below which a pair stands at the boundary, and the least |L_g h| that moves it there.
+EDGE, LEAST_GRADIENT = 0.05, 1e-9
+SOLVING = ("centralised", "limited")
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """h and L_g h of every pair at every recorded instant, flown on from the true poses.
+
+    now  (T, P)
+    """
+
+    run: Recorded
+    now: Flown
+
+    @property
+    def who(self) -> list[list[int]]:
+        """Vehicles of each pair, from 1."""
+        return [[int(a) + 1, int(b) + 1] for a, b in zip(self.run.i, self.run.j, strict=True)]
+
+    @property
+    def s(self) -> Scenario:
+        return self.run.scenario
+
+    @cached_property
+    def alpha(self) -> Array:
+        """alpha(h) (T, P)."""
+        return alpha(self.s, self.now.h)
+
+    @cached_property
+    def alpha_off(self) -> Array:
+        return steepness(self.s, self.now.h) * self.now.off + 1e-14 * np.abs(self.alpha)
+
+    @cached_property
+    def reach(self) -> tuple[Array, Array, Array]:
+        """Least and most (T, P) that L_g h u can be within the limits, and their error."""
+        low, high = box(self.s)
+        least, most, off = np.zeros((3, *self.now.h.shape))
+        for side in range(2):
+            for k in range(3):
+                a, b = self.now.lie[side, k] * low[k], self.now.lie[side, k] * high[k]
+                least, most = least + np.minimum(a, b), most + np.maximum(a, b)
+                off = off + self.now.lie_off[side, k] * max(abs(low[k]), abs(high[k]))
+        return least, most, off
+
+    @cached_property
+    def after(self) -> tuple[Flown | None, slice, bool]:
+        """h one filter period after instants, which instants, and whether that is exact.
+
+        Recorded if every step is; else flown from there as commanded, exactly on a unicycle.
+        """
+        run = self.run
+        if run.complete:
+            n = self.now
+            late = Flown(n.h[1:], n.lie[:, :, 1:], n.off[1:], n.lie_off[:, :, 1:], None)
+            return late, slice(0, len(run.t) - 1), True
+        # Nobody flew on from the last instant of a run.
+        some = slice(0, len(run.t) - 1)
+        if not unicycle(run):
+            return None, some, False
+        here = Pose(run.position[some], run.vehicles["theta_rad"][some])
+        there = arc(here, run.command[some], self.s["rates"]["filter_dt_s"])
+        return fly_on(self.s, there, run.i, run.j), some, True
+
+    def findings(self) -> Iterator[Finding]:
+        for name, look in (
+            ("gradient", self._gradient),
+            ("off-the-kink", self._kink),
+            ("safe-set", self._invariance),
+            ("barrier-condition", self._condition),
+            ("zcbf-condition", self._admissible),
+        ):
+            if name in self.run.guarantees:
+                yield look(Judge(self.run, self.run.guarantees[name]))
+
+    def _unseen(self, floor: float) -> float | None:
+        """The floor of what was not recorded; None if all was."""
+        return None if self.run.complete else floor
+
+    def _invariance(self, judge: Judge) -> Finding:
+        unsafe = bool(self.now.h[0].min() < -H_ALLOWED)
+        off, floor = self.now.off + H_ALLOWED, self._unseen(self.lowest)
+        seen = Values.of(self.run.t, self.now.h, off, self.who, floor=floor)
+        return judge.least(seen, 0.0, lambda h: h >= -H_ALLOWED, void=unsafe)
+
+    @cached_property
+    def pace(self) -> Array:
+        """(T, P): the most that h changes in a second at the rates seen or allowed."""
+        low, high = box(self.s)
+        rates = self.run.rates.reshape(-1, 3)
+        most = np.maximum(np.maximum(np.abs(low), np.abs(high)), np.abs(rates).max(axis=0))
+        lie = np.abs(self.now.lie)
+        return np.asarray(np.einsum("sktp,k->tp", lie, most))
+
+    @cached_property
+    def lowest(self) -> float:
+        """What h may come down to between recorded instants, at the pace of either."""
+        h, period = self.now.h, self.s["rates"]["record_dt_s"]
+        pace = np.maximum(self.pace[1:], self.pace[:-1])
+        between = 0.5 * (h[1:] + h[:-1] - pace * period)
+        tail = h[-1] - self.pace[-1] * period
+        return float(min(between.min(initial=np.inf), tail.min()))
+
+    def _condition(self, judge: Judge) -> Finding:
+        then, some, _ = self.after
+        dt = self.s["rates"]["filter_dt_s"]
+        lowest = self.lowest
+        floor = float((-1.2 * self.pace + alpha(self.s, np.minimum(self.now.h, lowest))).min())
+        if then is None:
+            # What the table says of it, whose h is ours.
+            value = self.run.pairs["hdot_realised_mps"][some] + self.alpha[some]
+            off = self.alpha_off[some] + 1e-6
+        else:
+            value = (then.h - self.now.h[some]) / dt + self.alpha[some]
+            off = (then.off + self.now.off[some] + H_ALLOWED) / dt + self.alpha_off[some]
+        seen = Values.of(self.run.t[some], value, off, self.who, floor=self._unseen(floor))
+        return judge.least(seen, 0.0, lambda x: x >= -RATE_ALLOWED, empty=PREMISE)
+
+    def _admissible(self, judge: Judge) -> Finding:
+        _, most, off = self.reach
+        # Theorem 2: gamma is an input that lets h not fall, where the limits allow it.
+        b = self.s["barrier"]
+        theorem = b["shared"] and b["kind"] in ("turn", "straight")
+        theorem = theorem and inside(manoeuvre(self.s), *box(self.s)).min() >= 0.0
+        seen = Values.of(
+            self.run.t,
+            self.alpha + most,
+            self.alpha_off + off + H_ALLOWED,
+            self.who,
+            self.now.h >= 0.0,
+            np.abs(self.now.h) <= self.now.off + H_ALLOWED,
+            self._unseen(-H_ALLOWED if theorem else -np.inf),
+        )
+        return judge.least(seen, 0.0, lambda x: x >= -H_ALLOWED, empty=PREMISE)
+
+    def _gradient(self, judge: Judge) -> Finding:
+        lie = self.now.lie
+        size = np.sqrt((lie**2).sum(axis=(0, 1)))
+        off = np.sqrt((self.now.lie_off**2).sum(axis=(0, 1)))
+        h, h_off = np.abs(self.now.h), self.now.off + H_ALLOWED
+        # Where no pair can have come to the boundary in between, nothing is missing.
+        unseen = None if self.run.complete or self.lowest > EDGE else 0.0
+        near, doubt = h <= EDGE, np.abs(h - EDGE) <= h_off
+        seen = Values.of(self.run.t, size, off, self.who, near, doubt, unseen)
+        return judge.least(seen, 0.0, lambda x: x > LEAST_GRADIENT, fails=PREMISE)
+
+    def _kink(self, judge: Judge) -> Finding:
+        s, z, b = self.s, self.now.harmonic, self.s["barrier"]
+        if b["kind"] != "turn" or not b["shared"] or s["filter"]["kind"] not in SOLVING:
+            judge.expect("value", judge.entry["value"], None)
+            judge.expect("verdict", judge.entry["verdict"], OTHER)
+            return judge.done("no kink, or nothing binds")
+        if b["smoothing_m2"] > 0:
+            judge.expect("value", judge.entry["value"], None)
+            judge.expect("verdict", judge.entry["verdict"], judge.verdict(True))
+            return judge.done("smoothed")
+        assert z is not None
+        before = self._before(z)
+        if before is None:
+            missing = np.full((0, len(self.who)), np.inf)
+            seen = Values.of(np.zeros(0), missing, 0.0, self.who, floor=0.0)
+            return judge.least(seen, 1.0, lambda x: x >= 1.0, fails=PREMISE)
+        moved = np.maximum(np.abs(z[1:] - before), 1e-12)
+        steps = np.abs(z[1:]) / moved
+        # A harmonic is as wrong as the squares it comes of, which h was corrected by.
+        wrong = self._square_off()[1:]
+        off = steps * wrong * (2.0 / moved + 1.0 / np.maximum(np.abs(z[1:]), wrong))
+        least, _, least_off = self.reach
+        binds = self.alpha[1:] + least[1:]
+        doubt = np.abs(binds) <= self.alpha_off[1:] + least_off[1:]
+        seen = Values.of(self.run.t[1:], steps, off, self.who, binds < 0.0, doubt, self._unseen(0.0))
+        return judge.least(seen, 1.0, lambda x: x >= 1.0, fails=PREMISE)
+
+    def _square_off(self) -> Array:
+        """Round-off of squared ranges (T, P) [m^2]."""
+        if self.s["barrier"]["form"] == "squared":
+            return self.now.off
+        return self.now.off * 2.0 * np.maximum(self.now.h + self.s["d_safe_m"], 0.1 * self.s["d_safe_m"])
+
+    def _before(self, z: Array) -> Array | None:
+        """The harmonic one filter period before all instants but the first (T - 1, P)."""
+        run = self.run
+        if run.complete:
+            return z[:-1]
+        if not unicycle(run):
+            return None
+        here = Pose(run.position[1:], run.vehicles["theta_rad"][1:])
+        flown = fly_on(self.s, arc(here, run.rates[1:], -self.s["rates"]["filter_dt_s"]), run.i, run.j)
+        return None if flown is None else flown.harmonic
+
+
+def unicycle(run: Recorded) -> bool:
+    """Whether vehicles flew exactly what they were told."""
+    return bool(run.scenario["plant"] == "unicycle" and "plant" not in run.parts)

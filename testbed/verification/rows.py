@@ -1,0 +1,113 @@
+"""The rows of the filter's QPs, built again from what the filter saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from testbed.verification.future import BLOCK, Flown, Future, Pose, fly_on, future
+from testbed.verification.pair_claims import SOLVING, Pairs
+from testbed.verification.recorded import Array, Recorded
+from testbed.verification.scene import Scenario, alpha, box, filters_own, steepness
+from testbed.verification.sight import sight
+
+# Poses predicted by lags are integrals, the filter's and ours: so far are they apart, with levers.
+BLUR_M = 1e-6
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What the filter's rows were, where that can be told.
+
+    seen   the poses that it looked at, or why nobody knows
+    """
+
+    run: Recorded
+    pairs: Pairs | None
+    seen: Pose | str
+
+    @classmethod
+    def of(cls, run: Recorded, pairs: Pairs | None) -> Rows:
+        return cls(run, pairs, sight(run))
+
+    @property
+    def s(self) -> Scenario:
+        return self.run.scenario
+
+    @cached_property
+    def own(self) -> Flown | None:
+        """h and L_g h (T, P) of the filter's own barrier at the poses it saw."""
+        run, s = self.run, filters_own(self.s)
+        if isinstance(self.seen, str) or self.pairs is None:
+            return None
+        true = s["barrier"] == self.s["barrier"] and s["d_safe_m"] == self.s["d_safe_m"]
+        same = true and self.seen.position is run.position
+        flown = self.pairs.now if same else fly_on(s, self.seen, run.i, run.j)
+        if flown is not None and self.s["remedy"]["predict_lags"]:
+            flown = replace(flown, off=flown.off + BLUR_M, lie_off=flown.lie_off + BLUR_M)
+        if flown is None or s["barrier"]["gradient"] == "analytic":
+            return flown
+        return _differenced(s, self.seen, run.i, run.j, flown, run.command)
+
+    @cached_property
+    def left(self) -> tuple[Array, Array]:
+        """L_g h u + alpha(h) (T, P) of the filter's rows under the commands, and its error."""
+        assert self.own is not None
+        u = self.run.command
+        hdot, off = self.own.hdot(u[:, self.run.i], u[:, self.run.j])
+        steep = steepness(self.s, self.own.h) * self.own.off
+        room = alpha(self.s, self.own.h)
+        return hdot + room, off + steep + 1e-13 * (np.abs(room) + np.abs(hdot))
+
+    @cached_property
+    def solved(self) -> Array:
+        return np.asarray(self.run.vehicles["qp_status"] == "solved")
+
+    @cached_property
+    def solves(self) -> bool:
+        """Whether QPs stand behind the commands."""
+        if "filter" in self.run.parts:
+            return bool((self.run.vehicles["qp_status"] != "none").any())
+        return self.s["filter"]["kind"] in SOLVING
+
+
+def _differenced(s: Scenario, pose: Pose, i: Array, j: Array, flown: Flown, u: Array) -> Flown:
+    """L_g h by forward differences of h over x, y, course and height, as the published figures were made.
+
+    Only of rows that could be the tightest, were L_g h twice as large: no other is near to being the least.
+    """
+    made, step, low_high = future(s, i, j), s["barrier"]["gradient_step"], box(s)
+    assert made is not None
+    hdot, _ = flown.hdot(u[:, i], u[:, j])
+    corner = np.maximum(*map(np.abs, low_high))
+    room = alpha(s, flown.h)
+    worst = room - 2.0 * np.einsum("sktp,k->tp", np.abs(flown.lie), corner)
+    k, p = np.nonzero(worst <= float((room + hdot).min(initial=np.inf)) + 1.0)
+    lie = flown.lie.copy()
+    for first in range(0, k.size, BLOCK):
+        some = k[first : first + BLOCK], p[first : first + BLOCK]
+        lie[:, :, *some] = _slopes(made.of(some[1]), pose, some[0], i[some[1]], j[some[1]], step)
+    share = float(np.finfo(np.longdouble).eps / np.finfo(float).eps)
+    off = flown.lie_off.copy()
+    off[:, :, k, p] = off[:, :, k, p] * share + 2.0 * flown.off[k, p] * share / step + 1e-9
+    return replace(flown, lie=lie, lie_off=off)
+
+
+def _slopes(made: Future, pose: Pose, k: Array, i: Array, j: Array, step: float) -> Array:
+    """L_g h (2, 3, M) of pairs (i, j) at instants k (M,), in numbers long enough for differences."""
+    a, b = (
+        Pose(pose.position[k, v].astype(np.longdouble), pose.theta[k, v].astype(np.longdouble))
+        for v in (i, j)
+    )
+    start, lie = made.h(a, b), np.empty((2, 3, k.size))
+    for side, here in enumerate((a, b)):
+        slopes = []
+        for moved in step * np.eye(4):  # x, y, z, course
+            there = Pose(here.position + moved[:3], here.theta + moved[3])
+            h = made.h(there, b) if side == 0 else made.h(a, there)
+            slopes.append((h - start) / step)
+        lie[side, 0] = slopes[0] * np.cos(here.theta) + slopes[1] * np.sin(here.theta)
+        lie[side, 1], lie[side, 2] = slopes[3], slopes[2]
+    return lie

@@ -1,0 +1,135 @@
+"""What a scenario says, read again from the plain data of a manifest."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import Any
+
+import numpy as np
+
+from testbed.verification.future import Pose
+from testbed.verification.recorded import Array
+
+Scenario = dict[str, Any]
+CHANNELS = ("v", "omega", "zeta")
+COLUMNS = ("v{}_mps", "omega{}_radps", "zeta{}_mps")
+
+
+def box(s: Scenario) -> tuple[Array, Array]:
+    """Least and greatest (v, omega, zeta) that may be commanded, (3,) each."""
+    b = s["limits"]
+    turn, climb = radians(b["omega_max_degps"]), b["zeta_max_mps"]
+    return np.array([b["v_min_mps"], -turn, -climb]), np.array([b["v_max_mps"], turn, climb])
+
+
+def inside(u: Array, low: Array, high: Array) -> Array:
+    """How far inside the limits (..., 3) u lies, as a share of their range, (...)."""
+    span = np.where(high > low, high - low, 1.0)
+    return np.asarray((np.minimum(u - low, high - u) / span).min(axis=-1))
+
+
+def alpha(s: Scenario, h: Array) -> Array:
+    """alpha(h), of h's shape."""
+    a = s["alpha"]
+    if a["kind"] == "odd-polynomial":
+        return np.asarray(sum(c * h ** (2 * k + 1) for k, c in enumerate(a["coefficients"])))
+    return np.asarray(a["coefficient"] * h ** {"linear": 1, "cubic": 3}[a["kind"]])
+
+
+def steepness(s: Scenario, h: Array) -> Array:
+    """d alpha/dh, of h's shape."""
+    a = s["alpha"]
+    if a["kind"] == "odd-polynomial":
+        terms = enumerate(a["coefficients"])
+        return np.asarray(sum((2 * k + 1) * c * h ** (2 * k) for k, c in terms))
+    return np.asarray(a["coefficient"] * {"linear": 1.0 + 0.0 * h, "cubic": 3.0 * h**2}[a["kind"]])
+
+
+def goals(s: Scenario) -> Array:
+    """(N, 3) m: listed, or the antipodes of a circle whose first vehicle stands in the west."""
+    start, n = s["start"], s["vehicles"]
+    if start["pattern"] == "list":
+        return np.array([[p["goal_x_m"], p["goal_y_m"], p["goal_z_m"]] for p in start["places"]])
+    angle = 2 * np.pi / n * np.arange(n)
+    return np.asarray(start["radius_m"] * np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=-1))
+
+
+def start(s: Scenario) -> Pose:
+    """Where the vehicles begin (N,), drawn from the seed's first stream."""
+    a, n = s["start"], s["vehicles"]
+    if a["pattern"] == "list":
+        x, y, z = (np.array([p[key] for p in a["places"]], dtype=float) for key in ("x_m", "y_m", "z_m"))
+        course = np.array([p["course_deg"] for p in a["places"]], dtype=float)
+    else:
+        angle = 2 * np.pi / n * np.arange(n)
+        x, y = -a["radius_m"] * np.cos(angle), -a["radius_m"] * np.sin(angle)
+        course = np.degrees(angle) + a["course_offset_deg"]
+        z = np.resize(np.asarray(a["heights_m"], dtype=float), n)
+    if a["round_decimals"] is not None:
+        x, y, course = (np.round(q, a["round_decimals"]) for q in (x, y, course))
+    drawn = np.random.default_rng(np.random.SeedSequence(s["seed"]).spawn(1)[0]).uniform(-1.0, 1.0, (3, n))
+    aside, turned, up = (
+        share * a[most] + (np.asarray(a[listed]) if a[listed] else 0.0)
+        for share, most, listed in zip(
+            drawn,
+            ("lateral_perturbation_m", "heading_perturbation_deg", "height_perturbation_m"),
+            ("lateral_offsets_m", "heading_offsets_deg", "height_offsets_m"),
+            strict=True,
+        )
+    )
+    theta = np.radians(course)
+    position = np.stack([x - aside * np.sin(theta), y + aside * np.cos(theta), z + up], axis=-1)
+    return Pose(position, theta + np.radians(turned))
+
+
+def arc(pose: Pose, rates: Array, dt: Array | float) -> Pose:
+    """Where vehicles at `pose` (...) are after dt of flight at `rates` (..., 3): chords of their arcs."""
+    v, omega, zeta = np.moveaxis(rates, -1, 0)
+    turned = omega * dt
+    chord, towards = v * dt * np.sinc(turned / (2 * np.pi)), pose.theta + 0.5 * turned
+    moved = np.stack([chord * np.cos(towards), chord * np.sin(towards), zeta * dt], axis=-1)
+    return Pose(pose.position + moved, pose.theta + turned)
+
+
+def nominal(s: Scenario, pose: Pose, gamma: Array) -> Array:
+    """What the nominal controller wants (..., N, 3) at poses (..., N)."""
+    c = s["nominal"]
+    if c["controller"] == "manoeuvre":
+        return np.broadcast_to(gamma, (*pose.theta.shape, 3))
+    to = c["gain_per_s"] * (goals(s) - pose.position)
+    ahead = np.exp(1j * pose.theta)
+    wanted = (to[..., 0] + 1j * to[..., 1]) / ahead
+    return np.stack([wanted.real, wanted.imag / c["lookahead_m"], to[..., 2]], axis=-1)
+
+
+def filters_own(s: Scenario) -> Scenario:
+    """The scenario whose barrier the filter uses: its Ds and manoeuvre changed by the remedies."""
+    r, b = s["remedy"], s["barrier"]
+
+    def derated(m: Scenario) -> Scenario:
+        speed, turn = m["v_mps"] * r["derate_speed"], m["omega_degps"] * r["derate"]
+        return m | {"v_mps": speed, "omega_degps": turn}
+
+    b = derated(b) | {name: [derated(m) for m in b[name]] for name in ("pairs", "manoeuvres")}
+    if r["smoothing_m2"]:
+        b |= {"smoothing_m2": r["smoothing_m2"], "delta_m2": 0.0}
+    return s | {"barrier": b, "d_safe_m": s["d_safe_m"] + r["ds_buffer_m"]}
+
+
+def margin(s: Scenario, lie: Array) -> Array:
+    """What the remedies raise one side's row by, of its L_g h (3, ...)."""
+    r = s["remedy"]
+    bounds = (r["robust_v_mps"], radians(r["robust_omega_degps"]), r["robust_zeta_mps"])
+    raised = sum(bound * np.abs(x) for bound, x in zip(bounds, lie, strict=True))
+    if r["issf_epsilon"] is not None:
+        scale = (r["issf_v_mps"], radians(r["issf_omega_degps"]), r["issf_zeta_mps"])
+        raised = raised + sum((w * x) ** 2 for w, x in zip(scale, lie, strict=True)) / r["issf_epsilon"]
+    return np.asarray(raised)
+
+
+def knows_itself(s: Scenario) -> bool:
+    """Whether every vehicle knows its own pose as it is."""
+    m, link = s["sensing"], s["network"]
+    exact = not any(value for name, value in m.items() if name.endswith(("_m", "_deg", "_mps", "_degps")))
+    central = s["filter"]["kind"] == "centralised"
+    return exact and not m["delay_s"] and not (central and (link["latency_s"] or link["loss"]))

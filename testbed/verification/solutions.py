@@ -1,0 +1,163 @@
+"""What the words of the QPs' ends claim: who has a solution satisfies its rows, who has none could not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from testbed.verification.filter_claims import FAILED, ROW_ALLOWED
+from testbed.verification.finding import Finding
+from testbed.verification.future import manoeuvre
+from testbed.verification.recorded import Array
+from testbed.verification.rows import Rows
+from testbed.verification.scene import alpha, box, filters_own, margin
+
+# Of many QPs without a solution, so many are looked into.
+LOOKED = 100
+
+
+def solutions(rows: Rows) -> Iterator[Finding]:
+    yield _statuses(rows)
+    if not rows.solves or rows.own is None:
+        return
+    s = rows.s
+    if s["filter"]["kind"] == "limited" and (s["network"]["latency_s"] or s["network"]["loss"]):
+        late = "each vehicle saw late poses of the others"
+        yield Finding("solutions", f"{int(rows.solved.sum())} solved", "no rows", None, None, late)
+        return
+    yield _solved(rows)
+    if (rows.run.vehicles["qp_status"] == "infeasible").any():
+        yield _unsolvable(rows)
+
+
+def _statuses(rows: Rows) -> Finding:
+    """Every QP ended somehow; who had no solution flew the evading manoeuvre."""
+    run, s = rows.run, filters_own(rows.s)
+    status = run.vehicles["qp_status"]
+    known = ["solved", *FAILED] if rows.solves else ["none"]
+    known += ["none"] if "filter" in run.parts else []
+    odd = int((~np.isin(status, known)).sum())
+    failed, lost = np.isin(status, FAILED), 0
+    if failed.any() and not s["barrier"]["pairs"] and not run.parts and not s["remedy"]["air_mass"]:
+        gamma = np.clip(manoeuvre(s), *box(s))
+        lost = int((failed & (np.abs(run.command - gamma).max(axis=-1) > 1e-9)).sum())
+    words = [f"{odd} are not {' or '.join(known)}"] if odd else []
+    words += [f"{lost} without a solution do not fly gamma"] if lost else []
+    own = f"{int(failed.sum())} without a solution"
+    return Finding("qp_status", f"{status.size} words", own, not words, None, "; ".join(words))
+
+
+def _solved(rows: Rows) -> Finding:
+    """The rows of everyone said to have a solution, raised by the remedies' margins, satisfied.
+
+    Centralised: those of pairs that both have one. Limited: a vehicle's own half of each.
+    """
+    run, own, at = rows.run, rows.own, rows.solved
+    assert own is not None
+    _, off = rows.left
+    if rows.s["filter"]["kind"] == "centralised":
+        short = np.where(at[:, run.i] & at[:, run.j], _joint(rows), -np.inf)
+    else:
+        halves = [_half(rows, side) for side in range(2)]
+        short = np.maximum(
+            *(np.where(at[:, v], x, -np.inf) for v, x in zip((run.i, run.j), halves, strict=True))
+        )
+    worst = float((short - off).max(initial=-np.inf))
+    good = worst <= ROW_ALLOWED
+    why = "" if good else f"a row is short by {worst:.3g} where a solution is claimed"
+    tight = float(off.max(initial=0.0))
+    return Finding(
+        "solutions", f"{int(at.sum())} solved", f"short by {max(worst, 0.0):.2g}", good, tight, why
+    )
+
+
+def _joint(rows: Rows) -> Array:
+    """By how much the commands leave the pairs' rows short (T, P)."""
+    own, (left, _) = rows.own, rows.left
+    assert own is not None
+    return np.asarray(margin(rows.s, own.lie[0]) + margin(rows.s, own.lie[1]) - left)
+
+
+def _half(rows: Rows, side: int) -> Array:
+    """By how much the commands leave one side's limited rows short (T, P); the other is taken to evade."""
+    own, run = rows.own, rows.run
+    assert own is not None
+    vehicle = (run.i, run.j)[side]
+    u = run.command[:, vehicle]
+    return np.asarray(_asked(rows, side) - sum(own.lie[side, k] * u[..., k] for k in range(3)))
+
+
+def _asked(rows: Rows, side: int) -> Array:
+    """The right-hand side (T, P) of one side's limited rows."""
+    own, run = rows.own, rows.run
+    assert own is not None
+    mine, other = (run.i, run.j)[side], (run.i, run.j)[1 - side]
+    gamma, others = _gamma(rows, mine), _gamma(rows, other)
+    rest = -0.5 * alpha(rows.s, own.h) + margin(rows.s, own.lie[side])
+    for k in range(3):
+        rest = rest + 0.5 * (own.lie[side, k] * gamma[..., k] - own.lie[1 - side, k] * others[..., k])
+    return np.asarray(rest)
+
+
+def _gamma(rows: Rows, vehicle: Array) -> Array:
+    """gamma (P, 3) of one side of every pair."""
+    made = filters_own(rows.s)
+    if not made["barrier"]["pairs"]:
+        return manoeuvre(made)[vehicle]
+    return np.array([[p["v_mps"], np.radians(p["omega_degps"]), 0.0] for p in made["barrier"]["pairs"]])
+
+
+def _unsolvable(rows: Rows) -> Finding:
+    """Where no solution is claimed, the largest common margin of the rows within the limits is below zero."""
+    status = rows.run.vehicles["qp_status"] == "infeasible"
+    if rows.s["filter"]["kind"] == "centralised":
+        cases = [(int(k), np.flatnonzero(status[k])) for k in np.flatnonzero(status.any(axis=1))]
+        room = [_room_of_all(rows, k, vehicles) for k, vehicles in cases[:LOOKED]]
+    else:
+        cases = [(int(k), np.array([v])) for k, v in np.argwhere(status)]
+        room = [_room_of_one(rows, k, int(v[0])) for k, v in cases[:LOOKED]]
+    most = max(room)
+    good = most <= ROW_ALLOWED
+    why = "" if good else f"inputs leave every row {most:.3g} of room where no solution is claimed"
+    said = f"{len(cases)} QPs" if len(cases) <= LOOKED else f"first {LOOKED} of {len(cases)} QPs"
+    return Finding("no-solutions", said, f"room {most:.3g} at most", good, ROW_ALLOWED, why)
+
+
+def _room_of_all(rows: Rows, k: int, vehicles: Array) -> float:
+    """Of the rows among vehicles (M,) at instant k, solved together."""
+    own, run = rows.own, rows.run
+    assert own is not None
+    use = np.flatnonzero(np.isin(run.i, vehicles) & np.isin(run.j, vehicles))
+    matrix = np.zeros((use.size, vehicles.size, 3))
+    for side, vehicle in enumerate((run.i, run.j)):
+        matrix[np.arange(use.size), np.searchsorted(vehicles, vehicle[use])] = own.lie[side][:, k, use].T
+    asked = margin(rows.s, own.lie[0][:, k, use]) + margin(rows.s, own.lie[1][:, k, use])
+    return _room(rows, matrix.reshape(use.size, 3 * vehicles.size), asked - alpha(rows.s, own.h[k, use]))
+
+
+def _room_of_one(rows: Rows, k: int, vehicle: int) -> float:
+    """Of one vehicle's own halves at instant k."""
+    own, run = rows.own, rows.run
+    assert own is not None
+    matrix, asked = [], []
+    for side, of in enumerate((run.i, run.j)):
+        use = np.flatnonzero(of == vehicle)
+        matrix.append(own.lie[side][:, k, use].T)
+        asked.append(_asked(rows, side)[k, use])
+    return _room(rows, np.concatenate(matrix), np.concatenate(asked))
+
+
+def _room(rows: Rows, matrix: Array, asked: Array) -> float:
+    """The largest t with matrix u >= asked + t for some u within the limits."""
+    from scipy.optimize import linprog
+
+    low, high = (np.tile(corner, matrix.shape[1] // 3) for corner in box(rows.s))
+    cost = np.zeros(matrix.shape[1] + 1)
+    cost[-1] = -1.0
+    bounds = [*zip(low, high, strict=True), (None, 1.0)]
+    above = np.concatenate([-matrix, np.ones((len(asked), 1))], axis=1)
+    # Rows are as large as levers and alpha make them: brought to one size, no input is lost.
+    size = np.maximum(1.0, np.abs(above).max(axis=1, initial=1.0))[:, None]
+    found = linprog(cost, above / size, -asked / size[:, 0], bounds=bounds)
+    return float(found.x[-1]) if found.status == 0 else np.inf
