@@ -14,6 +14,7 @@ import hashlib
 import importlib
 import importlib.abc
 import importlib.machinery
+import math
 import os
 import sys
 from collections import Counter
@@ -42,11 +43,31 @@ FILES = [
     *(f"filters/{name}.py" for name in ("barrier", "rows", "collision")),
 ]  # fmt: skip
 # The tests that use these modules directly, or fly short runs with them.
-TESTS = (
-    "alpha barrier barrier_vectors collision guarantees kinematic kink lags monitor navigation published qp "
-    "qp_solvers robust robust_scenario rollout scorecard sensing stretch unicycle verification"
-).split()
-THIRD_PARTY = ("numpy", "scipy.optimize", "scipy.sparse", "pandas", "pyarrow.parquet", "pydantic", "daqp", "osqp")
+TESTS = [
+    *(
+        "alpha",
+        "barrier",
+        "barrier_vectors",
+        "collision",
+        "guarantees",
+        "kinematic",
+        "kink",
+        "lags",
+        "monitor",
+    ),
+    *("navigation", "published", "qp", "qp_solvers", "robust", "robust_scenario", "rollout", "scorecard"),
+    *("sensing", "stretch", "unicycle", "verification"),
+]
+THIRD_PARTY = (
+    "numpy",
+    "scipy.optimize",
+    "scipy.sparse",
+    "pandas",
+    "pyarrow.parquet",
+    "pydantic",
+    "daqp",
+    "osqp",
+)
 
 
 def main() -> None:
@@ -54,15 +75,16 @@ def main() -> None:
     parser.add_argument("files", nargs="*", default=FILES)
     parser.add_argument("--seconds", type=float, default=20.0, help="of tests for each mutant")
     parser.add_argument("--slow", action="store_true", help="the tests marked slow, too")
+    parser.add_argument("--share", type=float, default=1.0, help="of each file's mutants, drawn at random")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of that draw; a larger share contains a smaller one"
+    )
     parser.add_argument("--table", action="store_true", help="only what is known already")
     options = parser.parse_args()
     os.chdir(ROOT)
     paths = [f"tests/test_{name}.py" for name in TESTS]
-    state = hashlib.sha256(f"{options.slow} {options.seconds}".encode())
-    for path in [*paths, "tests/conftest.py"]:
-        state.update(Path(path).read_bytes())
-    record = Record(ROOT / "runs" / "mutants", state.hexdigest()[:16])
-    found = {file: mutants.of_file(ROOT, file) for file in options.files}
+    record = Record(ROOT / "runs" / "mutants")
+    found = {f: drawn(mutants.of_file(ROOT, f), options.share, options.seed) for f in options.files}
     if not options.table:
         open_ = [m for ms in found.values() for m in ms if not record.settled(m)]
         arguments = ["--quiet", "--tb=native", "-p", "no:cacheprovider"]
@@ -81,15 +103,24 @@ def main() -> None:
         # In a process of its own, for the definitions need one that has not imported the project.
         if child.run(work, PATIENCE) != 0:
             sys.exit("the tests could not be collected, or a mutant's trial failed")
-        record = Record(record.folder, record.tests)
+        record = Record(record.folder)
         try_definitions([m for m in open_ if m.is_definition], arguments, record, options.seconds)
     report(found, record)
 
 
+def drawn(every: list[Mutant], share: float, seed: int) -> list[Mutant]:
+    """A share of the mutants, rounded up: those with the smallest hashes of the seed and their keys."""
+    order = sorted(every, key=lambda m: hashlib.sha256(f"{seed} {m.key}".encode()).digest())
+    taken = set(order[: math.ceil(share * len(every))])
+    return [m for m in every if m in taken]
+
+
 def try_definitions(found: list[Mutant], arguments: list[str], record: Record, seconds: float) -> None:
-    """Constants and defaults: those tests that reach the file, the quickest first, run from their import on."""
+    """Constants and defaults: the tests that reach the file, the quickest, run from their import on."""
     for mutant in found:
-        tests = record.quickest(mutant.file, seconds)
+        tests, of = record.quickest(mutant.file, seconds)
+        if record.settled(mutant, of):
+            continue
 
         def work(allow: Any, mutant: Mutant = mutant, tests: list[str] = tests) -> int:
             sys.meta_path.insert(0, _Changed(mutant))
@@ -102,7 +133,7 @@ def try_definitions(found: list[Mutant], arguments: list[str], record: Record, s
 
         result = child.run(work, 10 * PATIENCE + TIMES * seconds)
         word = result if isinstance(result, str) else "killed" if result else "survived"
-        record.add(mutant, Outcome(word, "", len(tests)))
+        record.add(mutant, Outcome(word, "", len(tests), of))
 
 
 class _Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
@@ -129,13 +160,15 @@ def report(found: dict[str, list[Mutant]], record: Record) -> None:
     total: Counter[str] = Counter()
     lines = []
     for file, ms in found.items():
-        count = Counter(record.outcomes[m.key][0].result for m in ms if m.key in record.outcomes)
+        count = Counter(record.outcomes[m.key].result for m in ms if m.key in record.outcomes)
         total += count
         _row(file, count)
         for m in ms:
-            if m.key in record.outcomes and record.outcomes[m.key][0].survived:
-                tests = record.outcomes[m.key][0].tests
-                lines.append(f"{m.file}:{m.lines[0]} {m.place} ({tests} tests)\n    - {m.before}\n    + {m.after}\n")
+            if m.key in record.outcomes and record.outcomes[m.key].survived:
+                tests = record.outcomes[m.key].tests
+                lines.append(
+                    f"{m.file}:{m.lines[0]} {m.place} ({tests} tests)\n    - {m.before}\n    + {m.after}\n"
+                )
     _row("all", total)
     left = sum(map(len, found.values())) - total.total()
     if left:

@@ -1,7 +1,8 @@
 """A pytest plugin that, instead of running the collected tests once, runs them against every mutant.
 
 Each mutant gets a fork of this process, in which everything is imported and collected already, and the tests
-that reach its lines: first those that killed others of the same function, then the quickest.
+that reach its lines: first those that killed others of the same function, then those
+of the module itself, then the quickest.
 """
 
 from __future__ import annotations
@@ -21,15 +22,36 @@ from _pytest.runner import runtestprotocol
 
 from mutation import child
 from mutation.mutants import Mutant
-from mutation.record import Outcome, Record
+from mutation.record import Outcome, Record, version
 
 # s; a test may take this long and this many times its own time before it counts as hanging.
 PATIENCE, TIMES = 4.0, 10.0
 TRACE_LIMIT = 60.0
+# The files whose subject a module is, where not of its name: their tests are tried before all others.
+DIRECT = {
+    "robust": "robust robust_scenario",
+    "airmass": "robust",
+    "predicted": "robust lags",
+    "safety": "rollout barrier",
+    "minimum": "rollout",
+    "pairs": "barrier",
+    "problem": "collision",
+    "qp": "qp qp_solvers",
+    "qp_each": "qp_solvers qp collision",
+    "active_set": "qp_solvers qp",
+    "infeasible": "qp_solvers qp",
+    "rows": "collision sensing",
+    "verdicts": "guarantees scorecard",
+    "guarantees": "guarantees scorecard",
+    "premises": "scorecard",
+}
 
 
 class Loop:
-    """Runs the mutants given. seconds: budget of tests' own time for each mutant, beyond which no more are run."""
+    """Runs the mutants given.
+
+    seconds  budget of tests' own time for each mutant, beyond which no more are run
+    """
 
     def __init__(
         self, root: Path, files: list[str], mutants: list[Mutant], record: Record, seconds: float
@@ -49,10 +71,13 @@ class Loop:
         reached = self._reached(items)
         for number, mutant in enumerate(self.mutants):
             tests = self.chosen(mutant, reached)
-            outcome = self._tried(mutant, [items[t] for t in tests], reached, functions, caches)
-            self.record.add(mutant, outcome)
-            if outcome.by:
-                self.kills[mutant.file + mutant.place][outcome.by] += 1
+            of = version({t: reached[t] for t in tests})
+            if self.record.settled(mutant, of):
+                continue
+            result, by = self._tried(mutant, [items[t] for t in tests], reached, functions, caches)
+            self.record.add(mutant, Outcome(result, by, len(tests), of))
+            if by:
+                self.kills[mutant.file + mutant.place][by] += 1
             if number % 100 == 99:
                 print(f"{number + 1} of {len(self.mutants)}", file=sys.stderr, flush=True)
         return True
@@ -63,7 +88,9 @@ class Loop:
         lines = set(range(first, last + 1))
         kills = self.kills[mutant.file + mutant.place]
         tests = [t for t, seen in reached.items() if seen["passed"] and lines & seen["lines"][mutant.file]]
-        tests.sort(key=lambda t: (-kills[t], reached[t]["seconds"]))
+        own = DIRECT.get(Path(mutant.file).stem, Path(mutant.file).stem).split()
+        near = {t for t in tests if Path(t.partition("::")[0]).stem.removeprefix("test_") in own}
+        tests.sort(key=lambda t: (-kills[t], t not in near, reached[t]["seconds"]))
         spent, within = 0.0, []
         for t in tests:
             spent += reached[t]["seconds"]
@@ -108,9 +135,9 @@ class Loop:
         reached: dict[str, Any],
         functions: dict[tuple[str, str], list[FunctionType]],
         caches: list[Any],
-    ) -> Outcome:
+    ) -> tuple[str, str]:
         if not tests:
-            return Outcome("survived", "", 0)
+            return "survived", ""
 
         def work(allow: Callable[[float], None]) -> Any:
             _put(mutant, functions[mutant.file, mutant.place], caches)
@@ -123,8 +150,8 @@ class Loop:
 
         result = child.run(work, PATIENCE)
         if result in ("timeout", "crash"):
-            return Outcome(result, "", len(tests))
-        return Outcome("killed" if result else "survived", result or "", len(tests))
+            return result, ""
+        return ("killed", result) if result else ("survived", "")
 
 
 def _traced(item: pytest.Item, paths: dict[str, str]) -> dict[str, Any]:

@@ -70,8 +70,12 @@ def of_file(root: Path, file: str) -> list[Mutant]:
     visitor = _Visitor()
     wrapper.visit(visitor)
     found, seen = [], set()
+    plain: dict[cst.CSTNode | None, tuple[str, object]] = {None: (source, _compiled(file, source))}
     for change in visitor.changes:
-        mutant = _made(file, source, wrapper.module, change)
+        if change.function not in plain:
+            old = FUTURE + cst.Module([_bare(change.function)]).code
+            plain[change.function] = old, _compiled(file, old)
+        mutant = _made(file, wrapper.module, change, *plain[change.function])
         if mutant is not None and mutant.key not in seen:
             seen.add(mutant.key)
             found.append(mutant)
@@ -125,7 +129,7 @@ class _Visitor(cst.CSTVisitor):
 
     def _change(self, node: cst.CSTNode) -> None:
         for kind, operator in mutation_operators:
-            if not isinstance(node, kind) or not self.in_body and operator in IN_FUNCTIONS_ONLY:
+            if not isinstance(node, kind) or (not self.in_body and operator in IN_FUNCTIONS_ONLY):
                 continue
             spot = self.get_metadata(PositionProvider, self.statement or node)
             lines = (spot.start.line, spot.end.line)
@@ -144,26 +148,34 @@ def _untouched(node: cst.CSTNode) -> bool:
         return True
     if isinstance(node, cst.Assign):
         return any(isinstance(t.target, cst.Name) and t.target.value == "__all__" for t in node.targets)
-    return isinstance(node, cst.Call) and isinstance(node.func, cst.Name) and node.func.value in UNTOUCHED_CALLS
+    return (
+        isinstance(node, cst.Call) and isinstance(node.func, cst.Name) and node.func.value in UNTOUCHED_CALLS
+    )
 
 
-def _made(file: str, source: str, module: cst.Module, change: _Change) -> Mutant | None:
+def _bare(function: cst.FunctionDef | None) -> cst.FunctionDef:
+    assert function is not None
+    return function.with_changes(decorators=[], leading_lines=[])
+
+
+def _made(file: str, module: cst.Module, change: _Change, old: str, instructions: object) -> Mutant | None:
     if change.function is None:
-        old = source
         new = module.deep_replace(change.original, change.mutated).code  # type: ignore[arg-type]
     else:
-        plain = change.function.with_changes(decorators=[], leading_lines=[])
-        changed = plain.deep_replace(change.original, change.mutated)
-        old, new = (FUTURE + cst.Module([f]).code for f in (plain, changed))  # type: ignore[list-item]
+        changed = _bare(change.function).deep_replace(change.original, change.mutated)
+        new = FUTURE + cst.Module([changed]).code  # type: ignore[list-item]
     try:
-        was, now = (compile(s, file, "exec", dont_inherit=True) for s in (old, new))
+        if _compiled(file, new) == instructions:
+            return None
     except SyntaxError:
-        return None
-    if _instructions(was) == _instructions(now):
         return None
     before, after = _difference(old, new)
     key = hashlib.sha256(f"{file}\0{change.place}\0{new}".encode()).hexdigest()[:16]
     return Mutant(file, change.lines, change.place, before, after, new, key)
+
+
+def _compiled(file: str, source: str) -> object:
+    return _instructions(compile(source, file, "exec", dont_inherit=True))
 
 
 def _instructions(code: CodeType) -> tuple[object, ...]:
