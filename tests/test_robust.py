@@ -217,7 +217,7 @@ def test_a_predicting_filter_passes_the_nominal_on_and_reports_the_predicted_h()
     state, rates, nominal = random_state(rng), random_rates(rng), random_rates(rng)
     seen = Seen([], [])
     Predicted(seen, Horizon(0.3))(View(state, rates), nominal, LIMITS)
-    assert seen.nominals == [nominal]
+    assert seen.nominals == [nominal] and seen.limits == [LIMITS] and seen.views[0].rates is rates
     made = Predicted(CollisionFilter(TURN, ALPHA), Horizon(0.3))(View(state, rates), nominal, LIMITS)
     np.testing.assert_array_equal(made.pairs.h, TURN.values(step(state, rates, 0.3)).h)
     # What the run loop takes for the true h, it takes from a filter with this attribute only.
@@ -294,10 +294,55 @@ def test_h_of_the_lagged_pose_is_constant_while_lagged_vehicles_evade():
     assert np.ptp(seen) < 5e-3 < 1.0 < np.ptp(true)
 
 
+def carried_beyond(lags, rate, u, theta, seconds=60.0, steps=600_000):
+    """m: where a lagging vehicle ends up beside one that flies `u` from now on, by the trapezoidal rule."""
+    t = np.linspace(0.0, seconds, steps + 1)
+    v, omega = lags[0], lags[1]
+
+    def left(lag):
+        late = np.maximum(t - lag.delay_s, 0.0)
+        return np.exp(-late / lag.time_constant_s) if lag.time_constant_s else np.where(late > 0, 0.0, 1.0)
+
+    speed = u[0] + (rate[0] - u[0]) * left(v)
+    constant = omega.time_constant_s
+    turned = np.minimum(t, omega.delay_s) + constant * (1.0 - left(omega))
+    gap = (rate[1] - u[1]) * turned
+    swung = (omega.time_constant_s + omega.delay_s) * (rate[1] - u[1])
+    arc = theta + u[1] * t
+    beyond = speed * np.exp(1j * (arc + gap)) - u[0] * np.exp(1j * (arc + swung))
+    return 0.5 * np.sum(beyond[1:] + beyond[:-1]) * t[1]
+
+
+def test_of_vehicles_with_lags_of_their_own_each_pose_is_displaced_by_what_its_transient_adds():
+    mixed = [LAGS, LATE, (Lag(0.4, 0.3), Lag(2.0, 0.1), Lag(1.0))]
+    rng = rng_of(13)
+    state, rates, u = random_state(rng, 3), random_rates(rng, 3), random_rates(rng, 3)
+    together = LaggedPose(mixed, u)(state, rates)
+    for k, lags in enumerate(mixed):
+        alone = LaggedPose([lags], u[[k]])(state[[k]], rates[[k]])
+        assert pose_error(together[[k]], alone) < 1e-9
+        moved = carried_beyond(lags, rates.array()[k], u.array()[k], state.theta[k])
+        shift = together.x[k] - state.x[k] + 1j * (together.y[k] - state.y[k])
+        # the rule's own error, 1e-8 m, more at a delay's end
+        assert abs(shift - moved) < 1e-4
+        whole = [lag.time_constant_s + lag.delay_s for lag in lags]
+        beyond = (rates.array() - u.array())[k]
+        assert together.theta[k] - state.theta[k] == pytest.approx(whole[1] * beyond[1])
+        assert together.z[k] - state.z[k] == pytest.approx(whole[2] * beyond[2])
+
+
 @pytest.mark.parametrize("seconds", [-0.1, np.nan, np.inf])
 def test_a_horizon_out_of_range_is_an_error(seconds):
     with pytest.raises(ValueError, match="a prediction horizon must be finite"):
         Horizon(seconds)
+
+
+@dataclass
+class Raw:
+    """A lag that checks nothing."""
+
+    time_constant_s: float
+    delay_s: float
 
 
 def test_lags_that_do_not_fit_are_an_error():
@@ -305,6 +350,10 @@ def test_lags_that_do_not_fit_are_an_error():
         LaggedPose([LAGS] * 3, GAMMA)
     with pytest.raises(ValueError, match="time constant must be finite"):
         LaggedPose([(Lag(np.inf), Lag(), Lag())], GAMMA)
+    with pytest.raises(ValueError, match=r"a delay must be finite and not negative, got .*-0.1"):
+        LaggedPose([(Lag(), Raw(0.0, -0.1), Lag())], GAMMA)
+    with pytest.raises(ValueError, match="2 vehicles need one or 2 triples of lags, got 1"):
+        LaggedPose([LAGS[:2]], GAMMA)
 
 
 # --- the frame of the air --------------------------------------------------------------------------------

@@ -43,7 +43,8 @@ class Record:
         if self._outcomes.exists():
             for line in self._outcomes.read_text(encoding="utf-8").splitlines():
                 known = json.loads(line)
-                self.outcomes[known.pop("key")] = Outcome(**known)
+                key = known.pop("key")
+                self.outcomes[key] = Outcome(**known)
 
     def settled(self, mutant: Mutant, of: str = "") -> bool:
         """Whether it was noticed, or survived the tests `of`."""
