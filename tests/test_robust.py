@@ -489,7 +489,7 @@ def turn_ratio(v, drift):
     return abs(v + drift) ** 2 / (v * (v + drift.real))
 
 
-@pytest.mark.parametrize("wind", [5 + 0j, -8 + 3j, -14 + 1j, 6j, -4 - 9j])
+@pytest.mark.parametrize("wind", [5 + 0j, -8 + 3j, -14 + 1j, 6j, -4 - 9j, -6 - 6j])
 def test_turn_rates_are_kept_to_what_the_worst_airspeed_allows(wind):
     view = View(State([0.0], 0.0, 0.0, 0.0), through_air(State([0.0], 0.0, 0.0, 0.0), GAMMA[[0]], wind).rates)
     ahead = through_air(State([0.0], 0.0, 0.0, 0.0), GAMMA[[0]], wind)

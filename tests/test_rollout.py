@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -267,6 +268,93 @@ def test_no_minimum_of_a_random_trigonometric_sum_is_missed(data):
     assert value(None, tau)[0] <= grid.min() + 1e-11 * (1 + bound[0])
 
 
+@dataclass(frozen=True)
+class Told(SquaredRange):
+    """The squared range, keeping the motions it is told."""
+
+    motions: list = field(default_factory=list)
+
+    def curvature(self, motion):
+        self.motions.append(motion)
+        return super().curvature(motion)
+
+
+def test_the_motion_a_safety_function_is_told_is_that_of_the_vehicles():
+    told = Told()
+    state = random_state(np.random.default_rng(32), len(MIXED))
+    RolloutBarrier(MIXED, DS, told).values(state)
+    (m,), (i, j) = told.motions, all_pairs(len(MIXED))
+    np.testing.assert_array_equal(m.theta_i, state.theta[i])
+    for tau in (0.0, 1.3, 7.7):
+        a, b = step(state[i], MIXED[i], tau), step(state[j], MIXED[j], tau)
+        offset = m.centre + m.drift * tau
+        offset = offset + m.arm_i * np.exp(1j * m.rate_i * tau) + m.arm_j * np.exp(1j * m.rate_j * tau)
+        np.testing.assert_allclose(offset, a.x - b.x + 1j * (a.y - b.y), atol=1e-9)
+        np.testing.assert_allclose(m.height + m.climb * tau, a.z - b.z, atol=1e-12)
+    alike = MIXED.omega[i] == MIXED.omega[j]
+    assert np.all(m.arm_j[alike] == 0.0) and alike.any()
+
+
+def test_beyond_its_horizon_no_pair_comes_as_close_as_it_is_now():
+    told = Told()
+    for seed in range(5):
+        state = random_state(np.random.default_rng(40 + seed), len(MIXED), 60.0)
+        RolloutBarrier(MIXED, DS, told).values(state)
+        m, (i, j) = told.motions[-1], all_pairs(len(MIXED))
+        now = told.value(state[i], state[j])
+        for share in np.linspace(1.0, 4.0, 60):
+            tau = share * m.horizon
+            later = told.value(step(state[i], MIXED[i], tau), step(state[j], MIXED[j], tau))
+            parts = ~np.isfinite(RolloutBarrier(MIXED, DS)._period[i, j])
+            assert np.all(later[parts] >= now[parts] * (1 - 1e-6))
+
+
+def test_the_horizon_of_two_who_fly_straight_ends_when_they_are_as_far_apart_again():
+    told = Told()
+    # 100 m apart, closing at 30 m/s, 10 m past each other sideways and 4 m in height, closing at 0.5 m/s
+    gamma = Command([18.0, 12.0], 0.0, [0.0, 0.5])
+    approaching = State([0.0, 100.0], [0.0, 10.0], [0.0, np.pi], [4.0, 0.0])
+    RolloutBarrier(gamma, DS, told).values(approaching)
+    assert told.motions[0].horizon[0] == pytest.approx(2 * (100 * 30 + 4 * 0.5) / (30**2 + 0.5**2), rel=1e-8)
+    parting = State([0.0, -100.0], [0.0, 10.0], [0.0, np.pi], [-4.0, 0.0])
+    RolloutBarrier(gamma, DS, told).values(parting)
+    assert told.motions[1].horizon[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_plain_form_is_the_minimum_itself_with_its_gradient():
+    state = random_state(np.random.default_rng(33), len(MIXED))
+    plain, root = (RolloutBarrier(MIXED, DS, form=form).values(state) for form in ("plain", "root"))
+    far = root.h > 0.0
+    np.testing.assert_allclose(plain.h[far], (root.h[far] + DS) ** 2, rtol=1e-9)
+    np.testing.assert_allclose(plain.grad[far], 2 * (root.h[far, None] + DS) * root.grad[far], rtol=1e-7)
+    assert far.sum() > 10
+
+
+def test_turn_rates_of_a_ratio_up_to_64_have_a_period():
+    turning = Command([16.0, 16.0], [0.64, -0.01], 0.0)
+    assert RolloutBarrier(turning, DS)._period[0, 1] == pytest.approx(2 * np.pi / 0.01)
+    sevenths = Command([16.0, 16.0], [0.3, 0.7], 0.0)
+    assert RolloutBarrier(sevenths, DS)._period[1, 0] == pytest.approx(2 * np.pi / 0.1)
+    reason = (
+        "vehicles 1 and 2 climb alike and turn at 0.65 and 0.01 rad/s, without a ratio p/q of p, q <= 64: "
+        "their relative orbit does not close and no time attains the infimum; choose commensurable turn "
+        "rates or different climb rates"
+    )
+    with pytest.raises(PremiseNotMet, match=f"^{re.escape(reason)}$"):
+        RolloutBarrier(Command([16.0, 16.0], [0.65, 0.01], 0.0), DS)
+
+
+def test_a_minimum_that_outgrows_memory_is_refused_naming_the_pair_and_the_horizon(monkeypatch):
+    monkeypatch.setattr(minimum, "CELL_LIMIT", 1000)
+    gamma = Command(np.full(3, 16.0), [0.2, 0.0, -0.2], [5.0, 0.0, 5.001])
+    state = random_state(np.random.default_rng(28), 3)
+    with pytest.raises(
+        PremiseNotMet, match=r"of vehicles 1 and 3 cannot be located within .* horizon of \d"
+    ) as e:
+        RolloutBarrier(gamma, DS).values(state)
+    assert "make these equal or more different, else choose a coarser resolution" in str(e.value)
+
+
 def dips(centre, width, depth, offset=0.0):
     """Functions offset - depth exp(-((t - centre) / width)^2), all (P,), and what `global_minimum` needs."""
     centre, width, depth, offset = (np.asarray(a, float) for a in (centre, width, depth, offset * np.ones(1)))
@@ -340,21 +428,21 @@ def motion(**given):
 
 
 GENERAL = {
-    "centre": 3 + 4j, "drift": 2j, "arm_i": -2.0, "arm_j": 3j, "rate_i": -0.5, "rate_j": 1.0, "height": -2.0,
+    "centre": 3 + 4j, "drift": 3j, "arm_i": -2.0, "arm_j": 3j, "rate_i": -0.5, "rate_j": 1.5, "height": -2.0,
     "climb": -1.0,
 }  # fmt: skip
 
 
 def test_the_bounds_of_a_motion_are_the_sums_of_their_parts():
     m = motion(**GENERAL)
-    # centre 5 m, drift 20 m in 10 s, arms 2 and 3 m; height 2 m and 10 m
-    assert m.largest_range[0] == pytest.approx(np.hypot(30.0, 12.0))
-    # drift 2, arms 1 and 3, climb 1 m/s
-    assert m.largest_speed[0] == pytest.approx(np.hypot(6.0, 1.0))
-    assert m.largest_acceleration[0] == pytest.approx(0.5 + 3.0)
-    # |d^2| of 2 Re: arm i against centre and drift 100 at 0.25, arm j 150 at 1, both 12 at 1.5^2; the squared
-    # relative velocity 2 (4 + 1) of drift and climb; drift against the arms' 4 m/s 32
-    assert SquaredRange().curvature(m)[0] == pytest.approx(25 + 150 + 27 + 10 + 32)
+    # centre 5 m, drift 30 m in 10 s, arms 2 and 3 m; height 2 m and 10 m
+    assert m.largest_range[0] == pytest.approx(np.hypot(40.0, 12.0))
+    # drift 3, arms 1 and 4.5, climb 1 m/s
+    assert m.largest_speed[0] == pytest.approx(np.hypot(8.5, 1.0))
+    assert m.largest_acceleration[0] == pytest.approx(0.5 + 6.75)
+    # Arm i against centre and drift 140 m^2 at 0.25, arm j 210 at 2.25, both 12 at 4; twice the squared drift
+    # and climb; four times the drift and the arms' 5.5 m/s.
+    assert SquaredRange().curvature(m)[0] == pytest.approx(35 + 472.5 + 48 + 20 + 66)
 
 
 def test_no_motion_bends_more_than_its_bounds_say():

@@ -2,7 +2,7 @@
 
 A mutant of a function's body is the function's changed code, put into the living function. One of a module's
 constants or of a default is the whole file's changed source, since its value is copied at import; there only
-numbers, strings, True and False and operators are changed. Annotations, decorators, triple-quoted strings,
+numbers, strings, True and False and operators are changed. So is one of what runs while a class is made. Annotations, decorators, triple-quoted strings,
 `len`, `isinstance` and `__all__` are left alone, and what compiles to the same instructions is no mutant.
 """
 
@@ -27,6 +27,7 @@ from mutmut.mutation.mutators import (
 
 UNTOUCHED_CALLS = ("len", "isinstance")
 IN_FUNCTIONS_ONLY = (operator_arg_removal, operator_assignment, operator_dict_arguments, operator_lambda)
+AT_IMPORT = "__init_subclass__"
 FUTURE = "from __future__ import annotations\n"
 
 
@@ -133,7 +134,8 @@ class _Visitor(cst.CSTVisitor):
                 continue
             spot = self.get_metadata(PositionProvider, self.statement or node)
             lines = (spot.start.line, spot.end.line)
-            function, place = (self.function, ".".join(self.names)) if self.in_body else (None, "")
+            alive = self.in_body and self.names[-1] != AT_IMPORT
+            function, place = (self.function, ".".join(self.names)) if alive else (None, "")
             for mutated in _applied(operator, node):
                 self.changes.append(_Change(node, mutated, function, place, lines))
 
