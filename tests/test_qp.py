@@ -191,6 +191,7 @@ def test_a_contradiction_is_infeasible_and_returns_the_least_bad_input(solver):
     assert found.margin == pytest.approx(-0.2, abs=1e-7)
     assert found.residual == pytest.approx(0.2, abs=1e-7)
     assert found.u[0] == pytest.approx(0.1, abs=1e-7)
+    assert isinstance(found.iterations, int) and found.refined is False
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -321,7 +322,7 @@ def forbidden(*_, **__):
 
 @pytest.mark.parametrize("least", [0.0, 2.0], ids=["free", "one entry fixed"])
 def test_auto_asks_the_active_set_method_and_osqp_only_if_that_fails(monkeypatch, least):
-    problem = [0.0, 0.0], [[1.0, 1.0]], [5.0], [least, 0.0], [2.0, 9.5]
+    problem = [0.5, -1.0], [[1.0, 1.0]], [5.0], [least, 0.0], [2.0, 9.5]
     with monkeypatch.context() as patch:
         patch.setattr(qp, "_osqp", forbidden)
         auto = qp.solve(*problem)
@@ -379,7 +380,7 @@ def test_what_nothing_finds_though_it_exists_is_the_iteration_limit(monkeypatch)
 
 def test_rows_that_contradict_each_other_by_less_than_the_residual_give_way_by_so_much():
     rows = np.array([[1.0, 200.0], [-1.0, -200.0]])
-    gap = 0.8 * qp.RESIDUAL
+    gap = 0.95 * qp.RESIDUAL
     found = qp.solve([40.0, -3.0], rows, [20.0, -20.0 + gap], [15.0, -0.2], [25.0, 0.2])
     assert (found.status, found.refined) == (Status.SOLVED, True)
     assert found.margin == pytest.approx(-0.5 * gap, rel=1e-3)
@@ -398,8 +399,9 @@ def test_osqp_itself_answers_with_multipliers_iterations_and_silence(capfd):
     np.testing.assert_allclose(dual, [2.0, 0.0], atol=1e-7)
     assert 0 < used <= 20_000 and infeasible is False
     assert qp._osqp(target, rows, rhs, *box, tolerance=1e-9, most=1)[2] == 1
-    u, dual, _, infeasible = qp._osqp(target, -rows, np.array([10.0, 0.0]), *box, tolerance=1e-9, most=20_000)
-    assert infeasible is True and u.tolist() == [3.0, 1.0] and dual.tolist() == [0.0, 0.0]
+    outside, beyond = np.array([30.0, -30.0]), np.array([10.0, 0.0])
+    u, dual, _, infeasible = qp._osqp(outside, -rows, beyond, *box, tolerance=1e-9, most=20_000)
+    assert infeasible is True and u.tolist() == [9.0, -9.0] and dual.tolist() == [0.0, 0.0]
     assert capfd.readouterr().out == ""
 
 
@@ -415,7 +417,16 @@ def test_the_error_is_zero_at_the_optimum_and_the_distance_from_its_conditions_e
     ):
         assert qp._error(np.array(u), np.array(dual), t, A, b, lo, hi) == error
     # pressed against the box, any force outwards is right
-    assert qp._error(np.array([9.0, 1.0]), np.zeros(2), np.array([30.0, 1.0]), -A, b - 9.0, lo, hi) == 0.0
+    for edge in (9.0, -9.0):
+        u, target = np.array([edge, 1.0]), np.array([10 * edge, 1.0])
+        assert qp._error(u, np.zeros(2), target, -A, b - 9.0, lo, hi) == 0.0
+
+
+def test_a_row_of_zeros_is_a_statement_about_its_right_hand_side():
+    rows, box = [[0.0, 0.0], [1.0, 1.0]], ([0.0, 0.0], [4.0, 9.0])
+    np.testing.assert_allclose(qp.solve([0.0, 1.0], rows, [-1.0, 5.0], *box).u, [2.0, 3.0], atol=1e-9)
+    found = qp.solve([0.0, 1.0], rows, [0.25, 5.0], *box)
+    assert (found.status, found.residual) == (Status.INFEASIBLE, pytest.approx(0.25))
 
 
 @pytest.mark.parametrize("guess", [None, np.zeros(2, dtype=bool), np.array([False, True])])

@@ -2,8 +2,9 @@
 
 A mutant of a function's body is the function's changed code, put into the living function. One of a module's
 constants or of a default is the whole file's changed source, since its value is copied at import; there only
-numbers, strings, True and False and operators are changed. So is one of what runs while a class is made. Annotations, decorators, triple-quoted strings,
-`len`, `isinstance` and `__all__` are left alone, and what compiles to the same instructions is no mutant.
+numbers, strings, True and False and operators are changed. So is one of what runs while a class is made.
+Annotations, decorators, triple-quoted strings, `len`, `isinstance` and `__all__` are left alone, and what
+compiles to the same instructions is no mutant.
 """
 
 from __future__ import annotations
