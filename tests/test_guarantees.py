@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aircraft.airframe import load as load_airframe
 from aircraft.kinematic import KinematicFleet
 from filters.barrier import EuclideanBarrier, TurnBarrier
 from filters.monitor import MonitorRecord
@@ -12,6 +13,7 @@ from filters.unicycle import Command, Limits, State
 from testbed import catalogue
 from testbed.guarantees import Flown, judge, monitored
 from testbed.premises import premises
+from testbed.saturation import Saturation
 from testbed.scenario import Scenario, load
 from testbed.simulate import run
 from testbed.tally import Extreme, Tally
@@ -261,6 +263,15 @@ def test_command_limits_report_the_worst_vehicle_and_the_rates_achieved_by_any()
     }
 
 
+def test_surfaces_at_their_stops_are_reported_if_the_aircraft_has_any() -> None:
+    tally = good_tally()
+    assert "share_at_stop" not in judged(tally)["command-limits"]["detail"]
+    tally.saturation = Saturation([load_airframe("x8")] * 2)
+    tally.saturation.update({"throttle": np.array([1.0, 0.5])})
+    tally.saturation.update({"throttle": np.array([0.5, 0.5])})
+    assert judged(tally)["command-limits"]["detail"]["share_at_stop"]["throttle"] == 0.5
+
+
 def test_the_goal_is_that_of_the_vehicle_which_comes_least_near() -> None:
     tally = good_tally()
     tally.goal = Extreme(np.array([3.0, 12.0]), np.array([18.0, 19.5]))
@@ -293,6 +304,9 @@ def test_the_intervention_is_the_worst_vehicles_share_of_time_and_what_was_alter
     unknown = judge(Flown(load("paper-2-turn"), tally, *np.triu_indices(2, 1), True, None, np.full(2, 400.0)))
     assert unknown[-1]["detail"]["time_added_s"] == [None, None]
     assert judged(good_tally())["intervention"]["value"] == 0.0
+    once = good_tally()
+    once.filter_steps, once.override_steps = 1, np.array([1, 0])
+    assert judged(once)["intervention"]["value"] == 1.0
 
 
 def test_a_monitors_failed_premise_voids_and_its_failed_conclusion_violates() -> None:

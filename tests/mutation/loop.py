@@ -1,8 +1,8 @@
 """A pytest plugin that, instead of running the collected tests once, runs them against every mutant.
 
 Each mutant gets a fork of this process, in which everything is imported and collected already, and the tests
-that reach its lines: first those that killed others of the same function, then those
-of the module itself, then the quickest.
+that reach its lines: first those that killed others of the same function, then the quickest, those of the
+module itself being preferred.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from mutation.record import Outcome, Record, version
 # s; a test may take this long and this many times its own time before it counts as hanging.
 PATIENCE, TIMES = 4.0, 10.0
 TRACE_LIMIT = 60.0
-# The files whose subject a module is, where not of its name: their tests are tried before all others.
+# A test of another module must be this much quicker to be tried before one of the mutant's own.
+FAR = 10.0
+# The test files whose subject a module is, where their name is another.
 DIRECT = {
     "robust": "robust robust_scenario",
     "airmass": "robust",
@@ -43,7 +45,7 @@ DIRECT = {
     "rows": "collision sensing",
     "verdicts": "guarantees scorecard",
     "guarantees": "guarantees scorecard",
-    "premises": "scorecard",
+    "premises": "guarantees scorecard",
 }
 
 
@@ -90,7 +92,7 @@ class Loop:
         tests = [t for t, seen in reached.items() if seen["passed"] and lines & seen["lines"][mutant.file]]
         own = DIRECT.get(Path(mutant.file).stem, Path(mutant.file).stem).split()
         near = {t for t in tests if Path(t.partition("::")[0]).stem.removeprefix("test_") in own}
-        tests.sort(key=lambda t: (-kills[t], t not in near, reached[t]["seconds"]))
+        tests.sort(key=lambda t: (-kills[t], reached[t]["seconds"] * (1.0 if t in near else FAR)))
         spent, within = 0.0, []
         for t in tests:
             spent += reached[t]["seconds"]
