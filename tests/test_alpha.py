@@ -49,3 +49,17 @@ def test_coefficients_that_are_not_class_k_are_refused_with_the_reason(coefficie
 
 def test_equal_alphas_compare_equal():
     assert cubic(0.1) == OddPolynomial((0, 0.1))
+
+
+def test_coefficients_are_kept_as_a_tuple_of_floats_whatever_they_came_as():
+    for coefficients in ([0, 1], np.array([0, 1]), (False, True)):
+        kept = OddPolynomial(coefficients).coefficients
+        assert kept == (0.0, 1.0) and isinstance(kept, tuple) and {type(c) for c in kept} == {float}
+    assert hash(OddPolynomial([0, 1])) == hash(cubic(1.0))
+
+
+def test_integers_are_taken_for_the_numbers_they_are():
+    # 10^10 squared is beyond 64 bits
+    h = np.array([10_000_000_000])
+    assert cubic(0.5)(h) == pytest.approx(0.5e30) and cubic(1)(h) == pytest.approx(1e30)
+    assert OddPolynomial((0.0, 0.0, 1.0)).derivative(h) == pytest.approx(5e40)

@@ -19,6 +19,7 @@ from filters.barrier import (
     TurnBarrier,
     all_pairs,
 )
+from filters.pairs import NUMBERS, form_function
 from filters.rows import barrier_rows
 from filters.unicycle import Command, State, step
 
@@ -81,6 +82,28 @@ SHARED_CENTRE = State.of([[0.0, 0.0, 0.0, 0.0], [0.0, 2 * V / OMEGA, np.pi, 0.0]
 def test_all_pairs_are_those_above_the_diagonal():
     i, j = all_pairs(4)
     assert list(zip(i, j, strict=True)) == [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
+
+
+def test_all_pairs_cannot_be_written():
+    for index in all_pairs(5):
+        with pytest.raises(ValueError, match="read-only"):
+            index[0] = 1
+
+
+def test_both_forms_have_known_values_and_slopes():
+    m = np.array([36.0, 0.25, 0.0])
+    # Ds 5 m: the root is continued from m0 = (0.5 m)^2 with its slope there, 1 per metre
+    for form, h, slope in (
+        ("root", [1.0, -4.5, -4.75], [1 / 12, 1.0, 1.0]),
+        ("squared", m - 25.0, np.ones(3)),
+    ):
+        got = form_function(form)(m, 5.0)
+        np.testing.assert_allclose(got[0], h)
+        np.testing.assert_allclose(got[1], slope)
+        one = form_function(form)(36.0, 5.0, NUMBERS)
+        assert one == (h[0], pytest.approx(slope[0]))
+    with pytest.raises(ValueError, match=r"unknown form 'cube' of h; choose one of root, squared$"):
+        form_function("cube")
 
 
 def test_parallel_flight_keeps_its_distance_under_the_shared_turn():

@@ -5,13 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aircraft.airframe import load as load_airframe
 from aircraft.kinematic import KinematicFleet
-from filters.unicycle import State
+from filters.barrier import EuclideanBarrier, TurnBarrier
+from filters.monitor import MonitorRecord
+from filters.unicycle import Command, Limits, State
 from testbed import catalogue
-from testbed.guarantees import Flown, judge
+from testbed.guarantees import Flown, judge, monitored
+from testbed.premises import premises
+from testbed.saturation import Saturation
 from testbed.scenario import Scenario, load
 from testbed.simulate import run
 from testbed.tally import Extreme, Tally
+from testbed.verdicts import Entry
 
 
 def verdict(overrides: list[str], name: str, force: bool = False) -> str:
@@ -67,21 +73,36 @@ def test_a_vehicle_lost_ends_the_run_and_nothing_holds(monkeypatch: pytest.Monke
     assert result.guarantee("separation")["why"] == result.manifest["ended_early"]
 
 
+TURN = TurnBarrier(16.0, 0.2, 5.0)
+LIMITS = Limits(np.full(2, 15.0), 25.0, 0.25, 3.9)
+
+
+def flown(tally: Tally, scenario: Scenario, started_safe: bool = True, end: str | None = None) -> Flown:
+    i, j = np.triu_indices(tally.vehicles, 1)
+    straight, alone = np.array([400.0, 300.0]), np.array([17.0, 12.5])
+    return Flown(scenario, tally, i, j, started_safe, end, straight, alone)
+
+
+def judged(
+    tally: Tally, *overrides: str, started_safe: bool = True, end: str | None = None
+) -> dict[str, Entry]:
+    return {g["id"]: g for g in judge(flown(tally, load("paper-2-turn", list(overrides)), started_safe, end))}
+
+
 def scripted(tally: Tally, scenario: Scenario, end: str | None = None) -> dict[str, str]:
-    i, j = np.triu_indices(2, 1)
-    flown = Flown(scenario, tally, i, j, True, end, np.full(2, 400.0))
-    return {g["id"]: g["verdict"] for g in judge(flown) if g["id"] != "intervention"}
+    entries = judge(flown(tally, scenario, end=end))
+    return {g["id"]: g["verdict"] for g in entries if g["id"] != "intervention"}
 
 
-def good_tally() -> Tally:
-    tally = Tally(2)
+def good_tally(vehicles: int = 2) -> Tally:
+    tally = Tally(vehicles)
     for extreme in (tally.separation, tally.between):
         extreme.update(0.0, np.array([5.0]))
     for extreme in (tally.h, tally.admissible, tally.condition, tally.rows):
         extreme.update(0.0, np.array([0.0]))
-    tally.command_margin.update(0.0, np.zeros(2))
-    tally.goal.update(0.0, np.zeros(2))
-    tally.passed = np.zeros(2)
+    tally.command_margin.update(0.0, np.zeros(vehicles))
+    tally.goal.update(0.0, np.zeros(vehicles))
+    tally.passed = np.zeros(vehicles)
     tally.filter_steps = tally.solves = 1
     return tally
 
@@ -104,6 +125,7 @@ def test_exactly_at_every_bound_the_guarantees_hold() -> None:
         ("zcbf-condition", lambda t: t.admissible.update(1.0, np.array([-1e-6]))),
         ("qp-feasibility", lambda t: t.qp_failures.update(infeasible=1)),
         ("command-limits", lambda t: t.command_margin.update(1.0, np.array([0.0, -1e-9]))),
+        ("goal", lambda t: t.goal.value.__setitem__(0, 20.001)),
     ],
 )
 def test_each_guarantee_fails_alone(name: str, spoil) -> None:  # type: ignore[no-untyped-def]
@@ -112,6 +134,294 @@ def test_each_guarantee_fails_alone(name: str, spoil) -> None:  # type: ignore[n
     verdicts = scripted(tally, load("paper-2-turn"))
     assert [k for k, v in verdicts.items() if v != "holds"] == [name]
     assert verdicts[name] == "violated"
+
+
+WORDS = [
+    ("separation", "G1", "every pair keeps Ds", "Theorem 1 with eq. (7)", "least distance", "m"),
+    ("safe-set", "G2", "h >= 0 for ever", "Theorem 1, Corollary 1", "least h", "m"),
+    ("barrier-condition", "G3", "along the motion hdot + alpha(h) >= 0", "eq. (4), Corollary 1",
+     "least hdot + alpha(h) over a filter period", "m/s"),
+    ("zcbf-condition", "G4a", "inside its safe set each barrier leaves an admissible input",
+     "Definition 1, Theorem 2", "least sup over U of hdot + alpha(h)", "m/s"),
+    ("qp-feasibility", "G4", "the QP has a solution", "Theorems 3, 4", "vehicle-steps without one", ""),
+    ("command-limits", "G5", "commands stay in U", "eq. (5), actuator rows",
+     "least distance inside the limits, as a share of their range", ""),
+    ("rows-satisfied", "G6", "solved inputs satisfy every pair's row, limited communication included",
+     "Theorem 4, K(x) in K_cap(x)", "least L_g h u + alpha(h)", "m/s"),
+    ("goal", "G7", "every vehicle passes its goal within 20 m before the run ends",
+     "Section V: vehicles reach their waypoints", "largest over vehicles of the closest approach", "m"),
+    ("intervention", "G8", "the nominal input is altered minimally", "eq. (6)", "time overridden, worst", ""),
+]  # fmt: skip
+PREMISE_WORDS = [
+    ("start-safe", "P1", "the start is in the safe set", "Theorem 1", "h >= 0 at t = 0", ""),
+    ("shared-manoeuvre", "P2", "all barriers share one manoeuvre", "Assumption 1", "", ""),
+    ("manoeuvre-in-U", "P3", "gamma lies in the input set", "Theorem 2", "distance inside U", ""),
+    ("manoeuvre-flyable", "P4", "the vehicles can fly gamma for ever", "Theorem 2", "", ""),
+    ("gradient", "P5", "L_g h is not zero at the boundary", "Theorem 2, Proposition 1", "least |L_g h|", ""),
+    ("off-the-kink", "P6", "h is differentiable where it binds", "Theorem 2, Appendix",
+     "filter steps' motion to the kink, least", ""),
+]  # fmt: skip
+FIELDS = ("id", "number", "claim", "source", "quantity", "unit")
+
+
+def test_every_claim_says_what_it_is_where_it_is_made_and_in_which_unit() -> None:
+    entries = judged(good_tally()).values()
+    assert [tuple(e[k] for k in FIELDS) for e in entries] == WORDS
+    rates = [e["unit"] for e in judged(good_tally(), "barrier.form=squared").values() if e["unit"]]
+    assert rates == ["m", "m^2", "m^2/s", "m^2/s", "m^2/s", "m"]
+    entries = premises(flown(good_tally(), load("paper-2-turn")), TURN, LIMITS, [])
+    assert [tuple(e[k] for k in FIELDS) for e in entries] == PREMISE_WORDS
+
+
+def test_every_entry_has_the_same_fields_and_nothing_in_those_it_has_no_data_for() -> None:
+    empty = {"value": None, "bound": None, "margin": None, "t_s": None, "vehicles": [], "detail": {}}
+    alone = judge(flown_alone())
+    for entry in [*alone, *judged(Tally(2)).values()]:
+        assert set(entry) == {*FIELDS, *empty, "verdict", "why"}
+    assert {k: alone[0][k] for k in empty} == empty
+
+
+def flown_alone() -> Flown:
+    none = np.zeros(0, dtype=int)
+    return Flown(load("paper-2-turn"), good_tally(1), none, none, True, None, np.full(1, 400.0))
+
+
+def test_one_vehicle_has_no_pair_to_judge() -> None:
+    verdicts = {g["id"]: (g["verdict"], g["why"]) for g in judge(flown_alone())}
+    assert verdicts["separation"] == ("not applicable", "one vehicle has nobody to keep clear of")
+    for name in ("safe-set", "barrier-condition", "zcbf-condition"):
+        assert verdicts[name] == ("not applicable", "no pair, no barrier")
+    assert verdicts["rows-satisfied"] == ("not applicable", "no rows")
+    assert verdicts["command-limits"][0] == verdicts["goal"][0] == "holds"
+
+
+def test_after_an_early_end_nothing_holds_and_what_is_violated_stays_so() -> None:
+    end = "vehicle 2: ground by 0.500 s"
+    for name, entry in judged(good_tally(), end=end).items():
+        if name != "intervention":
+            assert (entry["verdict"], entry["why"]) == ("premise not met", end), name
+    spoilt = good_tally()
+    spoilt.separation.update(1.0, np.array([4.0]))
+    assert judged(spoilt, end=end)["separation"]["verdict"] == "violated"
+
+
+def test_what_was_not_seen_is_a_premise_not_met_and_says_what() -> None:
+    seen = judged(Tally(2))
+    for name, why in (
+        ("barrier-condition", "the run had no motion"),
+        ("zcbf-condition", "no pair was ever inside its safe set"),
+        ("command-limits", "no command was given"),
+        ("rows-satisfied", "no QP was solved"),
+    ):
+        assert (seen[name]["verdict"], seen[name]["why"]) == ("premise not met", why)
+    outside = judged(good_tally(), started_safe=False)["safe-set"]
+    assert (outside["verdict"], outside["why"]) == ("premise not met", "the start is outside the safe set")
+    assert outside["value"] == 0.0
+    for name, why in (("qp-feasibility", "the filter solves no QP"), ("rows-satisfied", "no rows")):
+        without = judged(good_tally(), "filter.kind=none")[name]
+        assert (without["verdict"], without["why"]) == ("not applicable", why)
+    # a filter of that kind in name, whose decisions never rested on a QP
+    idle = good_tally()
+    idle.filter_steps, idle.solves = 3, False
+    assert judged(idle)["qp-feasibility"]["verdict"] == judged(idle)["rows-satisfied"]["verdict"]
+    assert judged(idle)["qp-feasibility"]["verdict"] == "not applicable"
+
+
+def test_a_pairs_entry_names_the_worst_pair_its_time_and_how_far_it_is_from_the_bound() -> None:
+    tally = good_tally(3)
+    for extreme in (tally.separation, tally.h, tally.condition, tally.admissible, tally.rows):
+        extreme.value[:] = 9.0
+        extreme.update(2.5, np.array([8.0, 8.0, 7.5]))
+    tally.between.value[:] = 7.25
+    i, j = np.triu_indices(3, 1)
+    made = judge(Flown(load("paper-2-turn", ["d_safe_m=6"]), tally, i, j, True, None, np.full(3, 400.0)))
+    found = {g["id"]: g for g in made}
+    for name, bound in (("separation", 6.0), ("safe-set", 0.0), ("barrier-condition", 0.0),
+                        ("zcbf-condition", 0.0), ("rows-satisfied", 0.0)):  # fmt: skip
+        assert (found[name]["value"], found[name]["bound"], found[name]["margin"]) == (
+            7.5,
+            bound,
+            7.5 - bound,
+        )
+        assert (found[name]["t_s"], found[name]["vehicles"]) == (2.5, [2, 3])
+    assert found["separation"]["detail"] == {"between_steps_m": 7.25}
+
+
+def test_qps_without_a_solution_are_counted_by_status_and_the_first_is_named() -> None:
+    none = judged(good_tally())["qp-feasibility"]
+    assert (none["value"], none["bound"], none["margin"], none["detail"]) == (0, 0, 0, {"in_safe_set": 0})
+    tally = good_tally()
+    tally.qp_failures, tally.failures_inside = {"iteration_limit": 1, "infeasible": 2}, 2
+    tally.first_failure = (4.25, 1, "infeasible")
+    found = judged(tally)["qp-feasibility"]
+    assert (found["value"], found["bound"], found["margin"]) == (3, 0, -3)
+    assert list(found["detail"].items()) == [("infeasible", 2), ("iteration_limit", 1), ("in_safe_set", 2)]
+    assert (found["t_s"], found["vehicles"]) == (4.25, [2])
+    assert found["why"] == "first infeasible; 2 of them inside the safe set"
+
+
+def test_command_limits_report_the_worst_vehicle_and_the_rates_achieved_by_any() -> None:
+    tally = good_tally()
+    tally.command_margin.update(3.5, np.array([0.1, -0.2]))
+    tally.lowest = np.array([[16.0, -0.2, -1.0], [17.0, -0.1, -2.0]])
+    tally.highest = np.array([[24.0, 0.1, 1.0], [23.0, 0.2, 0.5]])
+    found = judged(tally)["command-limits"]
+    assert (found["value"], found["bound"], found["margin"]) == (-0.2, 0.0, -0.2)
+    assert (found["t_s"], found["vehicles"]) == (3.5, [2])
+    assert found["detail"] == {
+        "achieved_v_mps": [16.0, 24.0],
+        "achieved_omega_radps": [-0.2, 0.2],
+        "achieved_zeta_mps": [-2.0, 1.0],
+    }
+
+
+def test_surfaces_at_their_stops_are_reported_if_the_aircraft_has_any() -> None:
+    tally = good_tally()
+    assert "share_at_stop" not in judged(tally)["command-limits"]["detail"]
+    tally.saturation = Saturation([load_airframe("x8")] * 2)
+    tally.saturation.update({"throttle": np.array([1.0, 0.5])})
+    tally.saturation.update({"throttle": np.array([0.5, 0.5])})
+    assert judged(tally)["command-limits"]["detail"]["share_at_stop"]["throttle"] == 0.5
+
+
+def test_the_goal_is_that_of_the_vehicle_which_comes_least_near() -> None:
+    tally = good_tally()
+    tally.goal = Extreme(np.array([3.0, 12.0]), np.array([18.0, 19.5]))
+    tally.passed = np.array([17.5, 19.0])
+    near = judged(tally)["goal"]
+    assert (near["value"], near["bound"], near["margin"]) == (12.0, 20.0, 8.0)
+    assert (near["t_s"], near["vehicles"]) == (19.5, [2])
+    assert (near["verdict"], near["why"], near["detail"]) == ("holds", "", {"last_passed_s": 19.0})
+    tally.goal.value[1], tally.passed[1] = 21.0, np.nan
+    far = judged(tally)["goal"]
+    assert (far["verdict"], far["why"], far["detail"]) == ("violated", "1 of 2 not within it by the end", {})
+
+
+def test_the_intervention_is_the_worst_vehicles_share_of_time_and_what_was_altered_in_all() -> None:
+    tally = good_tally()
+    tally.filter_steps, tally.override_steps = 40, np.array([10, 30])
+    tally.altered = np.array([[1.0, 0.25, 3.0], [0.5, 0.5, 2.0]])
+    # 400 and 300 m to the goals, 20 m before which the way ends
+    tally.path, tally.passed = np.array([385.0, 290.0]), np.array([18.0, np.nan])
+    found = judged(tally)["intervention"]
+    assert (found["verdict"], found["why"]) == ("not applicable", "reported, not judged")
+    assert (found["value"], found["vehicles"]) == (0.75, [2])
+    assert found["detail"] == {
+        "altered_v_m": 1.5,
+        "altered_omega_rad": 0.75,
+        "altered_zeta_m": 5.0,
+        "path_added_m": [5.0, None],
+        "time_added_s": [1.0, None],
+    }
+    unknown = judge(Flown(load("paper-2-turn"), tally, *np.triu_indices(2, 1), True, None, np.full(2, 400.0)))
+    assert unknown[-1]["detail"]["time_added_s"] == [None, None]
+    assert judged(good_tally())["intervention"]["value"] == 0.0
+    once = good_tally()
+    once.filter_steps, once.override_steps = 1, np.array([1, 0])
+    assert judged(once)["intervention"]["value"] == 1.0
+
+
+def test_a_monitors_failed_premise_voids_and_its_failed_conclusion_violates() -> None:
+    record = MonitorRecord()
+    see = record.checks
+    two = np.array([0, 1]), np.array([2, 2])
+    see["solvable"].see(10, np.array([0.0]))
+    see["limited_is_safe"].see(10, np.array([0.5, 0.25]), *two)
+    for name in ("aligned", "aligned_limited", "gradient"):
+        see[name].see(20, np.array([0.5, -0.25]), *two)
+    found = {e["id"]: e for e in monitored(record, 0.05)}
+    assert len(found) == 9 and {e["number"] for e in found.values()} == {"M"}
+    assert {e["source"] for e in found.values()} == {"Theorems 3 and 4"}
+    assert {e["quantity"] for e in found.values()} == {"smallest seen"}
+    held = found["monitor-limited_is_safe"]
+    assert held["claim"] == "limited-communication inputs satisfy the centralised rows"
+    assert (held["unit"], held["verdict"], held["why"]) == ("m/s", "holds", "")
+    assert (held["value"], held["bound"], held["margin"]) == (0.25, -1e-6, 0.25 + 1e-6)
+    assert (held["t_s"], held["vehicles"]) == (0.5, [2, 3])
+    unsolved = found["monitor-solvable"]
+    assert (unsolved["verdict"], unsolved["why"]) == ("violated", "1 of 1 fail")
+    assert (unsolved["t_s"], unsolved["vehicles"]) == (0.5, [])
+    for name in ("aligned", "aligned_limited", "gradient"):
+        premise = found[f"monitor-{name}"]
+        assert (premise["verdict"], premise["why"]) == ("premise not met", "1 of 2 fail")
+        assert (premise["t_s"], premise["vehicles"]) == (1.0, [2, 3])
+    never = found["monitor-cheaper"]
+    assert (never["verdict"], never["why"], never["value"]) == ("not applicable", "never met", None)
+
+
+def premise(tally: Tally, name: str, *overrides: str, barrier=TURN, limits=LIMITS, unflyable=(), safe=True):  # type: ignore[no-untyped-def]
+    made = flown(tally, load("paper-2-turn", list(overrides)), safe)
+    return next(e for e in premises(made, barrier, limits, list(unflyable)) if e["id"] == name)
+
+
+def test_each_premise_says_why_it_fails_and_nothing_when_it_holds() -> None:
+    tally = good_tally()
+    tally.gradient.update(1.5, np.array([0.5]))
+    tally.kink.update(2.5, np.array([1.0]))
+    made = premises(flown(tally, load("paper-2-turn")), TURN, LIMITS, [])
+    assert {(e["verdict"], e["why"]) for e in made} == {("holds", "")}
+    for name, why, spoilt in (
+        ("start-safe", "h < 0 at the start", {"safe": False}),
+        ("manoeuvre-in-U", "gamma exceeds the limits", {"barrier": TurnBarrier(14.0, 0.2, 5.0)}),
+        ("manoeuvre-in-U", "there is no one manoeuvre", {"barrier": EuclideanBarrier(5.0)}),
+        ("manoeuvre-flyable", "too slow; too steep", {"unflyable": ["too slow", "too steep"]}),
+    ):
+        found = premise(tally, name, **spoilt)
+        assert (found["verdict"], found["why"]) == ("premise not met", why)
+    separate = load("paper-counterexample")
+    three = Limits(np.full(3, 15.0), 25.0, 0.25, 3.9)
+    made = {e["id"]: e for e in premises(flown(good_tally(3), separate), TURN, three, [])}
+    for name, why in (("shared-manoeuvre", "each pair has its own"),
+                      ("manoeuvre-flyable", "there is no one manoeuvre")):  # fmt: skip
+        assert (made[name]["verdict"], made[name]["why"]) == ("premise not met", why)
+
+
+def test_the_manoeuvre_is_as_far_inside_the_limits_as_its_worst_entry_of_its_worst_vehicle() -> None:
+    # Of vehicle 2, 0.2 of +-0.25 rad/s: 0.05 of a range of 0.5. No climb is asked of either.
+    sigma = TurnBarrier(16.0, 0.2, 5.0, sigma=[1.25, 1.3])
+    limits = Limits([15.0, 15.0], [25.0, 25.0], [0.3, 0.25], 3.9)
+    found = premise(good_tally(), "manoeuvre-in-U", barrier=sigma, limits=limits)
+    assert found["value"] == found["margin"] == pytest.approx(0.1) and found["bound"] == 0.0
+    assert (found["verdict"], found["vehicles"]) == ("holds", [2])
+    # vehicles that cannot climb, and gamma asks for no climb: on the edge is inside
+    flat = Limits([15.0, 15.0], [25.0, 25.0], 0.25, 0.0)
+    assert premise(good_tally(), "manoeuvre-in-U", limits=flat)["value"] == 0.0
+    assert premise(good_tally(), "manoeuvre-in-U", limits=flat)["verdict"] == "holds"
+    euclidean = EuclideanBarrier(5.0, gamma=Command(15.0, 0.0, 1.0))
+    found = premise(good_tally(), "manoeuvre-in-U", barrier=euclidean, limits=flat)
+    # 1 m/s of climb where none is allowed counts as it is, for there is no range to divide by
+    assert (found["value"], found["verdict"]) == (-1.0, "premise not met")
+
+
+def test_a_gradient_that_is_nearly_zero_at_the_boundary_voids_and_one_never_seen_does_not_apply() -> None:
+    unseen = premise(good_tally(), "gradient")
+    assert (unseen["verdict"], unseen["why"]) == ("not applicable", "no pair came to the boundary")
+    for value, verdict_ in ((1e-10, "premise not met"), (1e-9, "premise not met"), (1e-8, "holds")):
+        tally = good_tally()
+        tally.gradient.update(1.5, np.array([value]))
+        found = premise(tally, "gradient")
+        assert (found["verdict"], found["value"], found["bound"]) == (verdict_, value, 0.0)
+        assert (found["t_s"], found["vehicles"]) == (1.5, [1, 2])
+
+
+def test_the_kink_is_one_filter_step_away_at_least_or_the_premise_fails() -> None:
+    smooth = TurnBarrier(16.0, 0.2, 5.0, smoothing=30.0)
+    tally = good_tally()
+    for none in (premise(tally, "off-the-kink", barrier=EuclideanBarrier(5.0)),
+                 premise(tally, "off-the-kink", "filter.kind=none")):  # fmt: skip
+        assert (none["verdict"], none["why"]) == ("not applicable", "no kink, or nothing binds")
+    found = premise(tally, "off-the-kink", barrier=smooth)
+    assert (found["verdict"], found["why"]) == ("holds", "smoothed")
+    unbound = premise(tally, "off-the-kink")
+    assert (unbound["verdict"], unbound["why"]) == ("not applicable", "no row ever bound")
+    for value, verdict_, why in (
+        (1.0, "holds", ""),
+        (0.99, "premise not met", "one filter step can cross it"),
+    ):
+        tally = good_tally()
+        tally.kink.update(2.5, np.array([value]))
+        found = premise(tally, "off-the-kink")
+        assert (found["verdict"], found["why"], found["bound"]) == (verdict_, why, 1.0)
 
 
 def test_nothing_seen_is_never_a_pass() -> None:

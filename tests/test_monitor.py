@@ -6,8 +6,10 @@ import pytest
 from filters.alpha import cubic, linear
 from filters.barrier import EuclideanBarrier, TurnBarrier
 from filters.collision import CollisionFilter
-from filters.monitor import Check, Monitor
+from filters.monitor import Check, Monitor, MonitorRecord, _cosines
+from filters.problem import Problem
 from filters.qp import Status
+from filters.rows import limited_rows, shares
 from filters.unicycle import Command, Limits, State, View, step
 
 OMEGA_MAX = np.deg2rad(13)
@@ -125,3 +127,148 @@ def test_a_check_remembers_the_first_failure_and_the_worst_and_counts_nan_as_fai
     assert (check.checked, check.failed, check.first) == (4, 3, (3, (2,)))
     check.see(5, np.array([-3.0]), v)
     assert (check.worst, check.worst_at) == (-3.0, (5, (1,)))
+
+
+def test_a_check_of_nothing_but_nan_has_failures_and_no_worst():
+    check = Check("x", 0.0)
+    check.see(2, np.array([np.nan]), np.array([4]))
+    assert (check.checked, check.failed, check.first) == (1, 1, (2, (5,)))
+    assert check.worst == np.inf and check.worst_at is None
+    check.see(3, np.zeros(0), np.zeros(0, dtype=int))
+    assert check.checked == 1
+
+
+def test_exactly_at_its_bound_a_check_passes():
+    check = Check("x", -1.0)
+    check.see(0, np.array([-1.0]), np.array([0]))
+    assert (check.failed, check.first, check.worst) == (0, None, -1.0)
+
+
+def test_the_claims_are_those_of_the_theorems_with_their_units_and_bounds():
+    claims = {name: (check.claim, check.least) for name, check in MonitorRecord().checks.items()}
+    assert claims == {
+        "limited_is_safe": ("limited-communication inputs satisfy the centralised rows [m/s]", -1e-6),
+        "gamma_is_safe": ("gamma satisfies the row of every pair with h >= 0 [m/s]", -1e-6),
+        "gamma_is_safe_limited": ("gamma satisfies both limited rows of such a pair [m/s]", -1e-6),
+        "solvable": ("inside the safe set the centralised QP is solved (1 or 0)", 1.0),
+        "solvable_limited": ("inside the safe set every limited QP is solved (1 or 0)", 1.0),
+        "aligned": ("active rows of the centralised QP have positive inner products [cosine]", 1e-12),
+        "aligned_limited": ("active rows of each limited QP have positive inner products [cosine]", 1e-12),
+        "gradient": ("L_g h is not zero at the boundary [norm over m/s, rad/s, m/s]", 1e-12),
+        "cheaper": ("the centralised QP costs no more than the limited ones", -1e-6),
+    }
+
+
+def test_cosines_are_those_of_every_pair_and_zero_with_nothing():
+    vectors = np.array([[2.0, 0.0, 0.0], [3.0, 3.0, 0.0], [0.0, 0.0, 0.0], [-0.5, 0.0, 0.0]])
+    half = np.sqrt(0.5)
+    np.testing.assert_allclose(_cosines(vectors), [half, 0.0, -1.0, 0.0, -half, 0.0], atol=1e-15)
+
+
+def crowd():
+    """Four vehicles about to meet, some pairs' rows active in both QPs, and what they want."""
+    angle = np.pi / 2 * np.arange(4) + [0.11, 0.09, 0.03, -0.31]
+    radius = 37.0 * np.array([1.09, 0.96, 1.0, 0.85])
+    state = State(radius * np.cos(angle), radius * np.sin(angle), angle + np.pi, [0.0, 1.0, -1.0, 2.0])
+    return view_of(state), Command(np.full(4, 24.0), 0.0, 0.0)
+
+
+def worst_of(numbers, *vehicles):
+    """Smallest number and the vehicles, from 1, of its place."""
+    k = int(np.argmin(numbers))
+    return numbers[k], tuple(int(v[k]) + 1 for v in vehicles)
+
+
+def test_at_one_step_the_monitor_sees_what_the_rows_and_both_qps_say():
+    view, nominal = crowd()
+    filter_ = CollisionFilter(TURN, linear(0.2))
+    monitor = Monitor(filter_, boundary=8.0)
+    monitor.record.steps = 7  # not the first step
+    monitor(view, nominal, LIMITS)
+    seen = monitor.record.checks
+
+    rows, gamma = filter_.rows(view), filter_.gamma(4)
+    lower, upper = (np.broadcast_to(c, (4, 3)) for c in LIMITS.corners)
+    problem = Problem(nominal.array(), lower, upper, TURN)
+    own = limited_rows(rows, *shares(TURN, rows, 4))
+    (u, status, _), (v, status_own, _) = problem.centralised(rows), problem.limited(own)
+    assert np.all(status == Status.SOLVED) and np.all(status_own == Status.SOLVED)
+    i, j, safe = rows.i, rows.j, rows.pairs.h >= 0
+    edge = np.abs(rows.pairs.h) <= 8.0
+    assert 0 < edge.sum() < 6
+    size = np.linalg.norm(np.hstack([rows.lie_i, rows.lie_j]), axis=1)
+    twice = np.tile(safe, 2)
+    expected = {
+        "gradient": (size[edge], i[edge], j[edge]),
+        "limited_is_safe": (rows.left(v) - rows.rhs, i, j),
+        "gamma_is_safe": ((rows.left(gamma) - rows.rhs)[safe], i[safe], j[safe]),
+        "gamma_is_safe_limited": ((own.left(gamma) - own.rhs)[twice], own.vehicle[twice]),
+        "solvable": (np.ones(1),),
+        "solvable_limited": (np.ones(4), np.arange(4)),
+    }
+    for name, (numbers, *vehicles) in expected.items():
+        assert seen[name].checked == numbers.size > 0, name
+        worst, who = worst_of(numbers, *vehicles)
+        assert seen[name].worst == pytest.approx(worst, abs=1e-9), name
+        assert seen[name].worst_at == (7, who), name
+
+    cost, cost_limited = (np.sum((w - problem.target) ** 2) for w in (u, v))
+    record = monitor.record
+    assert (record.compared, record.steps) == (1, 8)
+    assert (record.cost, record.cost_limited) == pytest.approx((cost, cost_limited))
+    assert seen["cheaper"].worst == pytest.approx((cost_limited - cost) / max(1.0, cost))
+    assert seen["cheaper"].worst_at == (7, ())
+    monitor(view, nominal, LIMITS)
+    assert (record.cost, record.cost_limited) == pytest.approx((2 * cost, 2 * cost_limited))
+    assert (record.compared, record.steps, seen["cheaper"].checked) == (2, 9, 2)
+
+    active = np.flatnonzero(np.abs(rows.left(u) - rows.rhs) <= 1e-6 * size)
+    full = np.zeros((len(active), 4, 3))
+    for r, p in enumerate(active):
+        full[r, i[p]], full[r, j[p]] = rows.lie_i[p], rows.lie_j[p]
+    unit = full.reshape(len(active), -1) / size[active, None]
+    pairs = [(a, b) for a in range(len(active)) for b in range(a + 1, len(active))]
+    assert seen["aligned"].checked == 2 * len(pairs) > 0
+    worst = min(pairs, key=lambda ab: unit[ab[0]] @ unit[ab[1]])
+    assert seen["aligned"].worst == pytest.approx(unit[worst[0]] @ unit[worst[1]], abs=1e-9)
+    assert seen["aligned"].worst_at[0] == 7
+    assert set(seen["aligned"].worst_at[1]) <= {1, 2, 3, 4} and len(seen["aligned"].worst_at[1]) == 4
+
+    found = []
+    for vehicle in range(4):
+        mine = np.flatnonzero(own.vehicle == vehicle)
+        tight = mine[np.abs(own.left(v) - own.rhs)[mine] <= 1e-6 * np.linalg.norm(own.lie[mine], axis=1)]
+        found += [(vehicle, c) for c in _cosines(own.lie[tight])]
+    assert seen["aligned_limited"].checked == 2 * len(found) > 0
+    vehicle, cosine = min(found, key=lambda pair: pair[1])
+    assert seen["aligned_limited"].worst == pytest.approx(cosine, abs=1e-9)
+    assert seen["aligned_limited"].worst_at == (7, (vehicle + 1,))
+
+
+def test_a_pair_exactly_on_the_boundary_is_inside():
+    straight = EuclideanBarrier(5.0, gamma=Command(16.0, 0.0, 0.0))
+    monitor = Monitor(CollisionFilter(straight, linear(1.0)), boundary=0.0)
+    monitor(view_of(State([0.0, 5.0], 0.0, 0.0, 0.0)), Command([16.0, 16.0], 0.0, 0.0), LIMITS)
+    seen = monitor.record.checks
+    for name, count in (("gamma_is_safe", 1), ("gamma_is_safe_limited", 2), ("solvable", 1), ("gradient", 1)):
+        assert seen[name].checked == count, name
+
+
+def test_outside_the_safe_set_nothing_is_claimed_of_gamma_or_of_solvability():
+    monitor = Monitor(CollisionFilter(TURN, linear(1.0)))
+    monitor(view_of(State([0.0, 3.0], 0.0, [0.0, np.pi], 0.0)), Command([20.0] * 2, 0.0, 0.0), LIMITS)
+    seen = monitor.record.checks
+    for name in ("gamma_is_safe", "gamma_is_safe_limited", "solvable", "solvable_limited"):
+        assert seen[name].checked == 0, name
+
+
+def test_the_monitor_solves_with_the_filters_own_solver(monkeypatch):
+    def forbidden(*_):
+        raise AssertionError("only OSQP was to be asked")
+
+    for name in ("attempt", "attempt_each"):
+        monkeypatch.setattr(f"filters.active_set.{name}", forbidden)
+    view, nominal = crowd()
+    monitor = Monitor(CollisionFilter(TURN, linear(0.2), solver="osqp"))
+    monitor(view, nominal, LIMITS)
+    assert monitor.record.compared == 1

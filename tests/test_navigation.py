@@ -1,9 +1,11 @@
 """The navigation-function baseline: it seeks its goal, gives way, and stays inside the limits."""
 
+import re
+
 import numpy as np
 import pytest
 
-from filters.navigation import NavigationFilter
+from filters.navigation import NavigationFilter, _fade
 from filters.qp import Status
 from filters.unicycle import Command, Limits, State, View, step
 
@@ -93,8 +95,96 @@ def test_vehicles_in_one_place_or_at_the_goal_get_finite_commands():
     assert np.all(decision.command.isfinite()) and np.all(decision.status == Status.NONE)
 
 
+def test_the_fade_is_two_parabolas_with_a_jump_between_them():
+    r = np.array([-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 2.0])
+    np.testing.assert_array_equal(_fade(r), [0.0, 0.0, 0.0625, 0.75, 0.9375, 1.0, 1.0])
+
+
+NEAR = {
+    "path_radius": 50.0, "path_gain": 3.0, "exponent": 0.7, "swirl": 0.3, "vehicle_radius": 4.0,
+    "vehicle_margin": 80.0, "disc_radius": 150.0, "disc_margin": 60.0, "sensing_range": 120.0, "step": 0.5,
+}  # fmt: skip
+
+
+def potential(place, vehicle, seen, goal, start, p):
+    """V of one vehicle at `place`, by the formulas of the class, one vehicle at a time."""
+    left, line = abs(place - goal[vehicle]), goal[vehicle] - start[vehicle]
+    offset = ((place - start[vehicle]) * np.conj(line) / abs(line)).imag
+    gamma = left**2 + p["path_gain"] * float(_fade(np.array(left / p["path_radius"]))) * offset**2
+    beta = 1.0
+    for other in seen:
+        beta *= float(_fade(np.array((abs(place - other) - p["vehicle_radius"]) / p["vehicle_margin"])))
+        beta *= float(_fade(np.array((p["disc_radius"] - abs(place)) / p["disc_margin"])))
+    return gamma / (gamma ** p["exponent"] + beta) ** (1 / p["exponent"])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_gradient_is_that_of_the_potential_plus_the_swirl_of_every_vehicle_sensed(seed):
+    rng, n, p = np.random.default_rng(seed), 4, NEAR
+    place, goal, start = (rng.uniform(-70, 70, (n, 2)) @ [1, 1j] for _ in range(3))
+    height = np.array([0.0, 10.0, -20.0, 300.0])  # the last is out of everybody's range
+    state = State(place.real, place.imag, rng.uniform(-3, 3, n), height)
+    steer = NavigationFilter(*(np.stack([q.real, q.imag], axis=-1) for q in (goal, start)), **p)
+    found = steer.gradient(view_of(state))
+    for k in range(n):
+        apart = np.hypot(abs(place - place[k]), height - height[k])
+        sensed = [m for m in range(n) if m != k and apart[m] <= p["sensing_range"]]
+        assert len(sensed) == (0 if k == 3 else len(sensed))
+        east, west, north, south = (
+            potential(place[k] + d * p["step"], k, place[sensed], goal, start, p) for d in (1, -1, 1j, -1j)
+        )
+        slope = (east - west + 1j * (north - south)) / (2 * p["step"])
+        swirl = 0.0
+        for m in sensed:
+            # a unit vector square to the line of sight, weaker with distance
+            away = place[k] - place[m]
+            share = float(_fade(np.array(1 - abs(away) / p["sensing_range"])))
+            swirl += share * -1j * away / abs(away)
+        assert found[k] == pytest.approx(slope - p["swirl"] * abs(slope) * swirl, rel=1e-9)
+
+
+def test_a_vehicle_on_the_edge_of_the_sensing_range_is_seen():
+    state = State([0.0, 300.0], [0.0, 0.0], [0.0, np.pi], [0.0, 400.0])
+    points = [[600.0, 0.0], [-200.0, 0.0]], [[-10.0, 1.0], [410.0, 1.0]]
+    for seen_from, alike in ((500.0, False), (499.0, True)):
+        near = NavigationFilter(*points, sensing_range=seen_from)
+        far = NavigationFilter(*points, sensing_range=1.0)
+        assert np.array_equal(near.gradient(view_of(state)), far.gradient(view_of(state))) == alike
+
+
+def test_the_decision_carries_no_qp_and_no_pairs_and_is_clipped_to_the_limits():
+    state, nominal = State([0.0], [0.0], [0.5], [0.0]), Command([20.0], 0.0, 9.0)
+    steer = NavigationFilter([[200, 0, 7]], [[-200, 0, 3]], speed=40.0, gain=100.0)
+    made = steer(view_of(state), nominal, LIMITS)
+    np.testing.assert_array_equal(made.command.array(), [[25.0, -np.deg2rad(13), 3.9]])
+    assert made.status.tolist() == [Status.NONE] and made.residual.tolist() == [0.0]
+    assert made.pairs is None and made.hdot_predicted.shape == (0,)
+    # of three columns the height is not used
+    flat = NavigationFilter([[200, 0]], [[-200, 0]], speed=40.0, gain=100.0)
+    np.testing.assert_array_equal(flat.goal, steer.goal)
+
+
+POSITIVE = ("speed", "path_radius", "exponent", "vehicle_margin", "disc_margin", "sensing_range", "step")
+
+
+@pytest.mark.parametrize("name", POSITIVE)
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_a_length_that_divides_must_be_positive_and_is_named(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must be positive and finite, got {value}"):
+        NavigationFilter([[0.0, 0.0]], [[1.0, 0.0]], **{name: value})
+
+
+@pytest.mark.parametrize("points", [[0.0, 0.0], [[0.0]], [[0.0] * 4], [[0.0, np.inf]]])
+def test_points_that_are_none_are_refused_by_name_and_shape(points):
+    good = [[0.0, 0.0]]
+    for name, given in (("goal", (points, good)), ("start", (good, points))):
+        shape = re.escape(str(np.shape(points)))
+        with pytest.raises(ValueError, match=rf"^{name} must be finite points .* got shape {shape}"):
+            NavigationFilter(*given)
+
+
 def test_goals_and_starts_must_match_and_be_finite():
-    with pytest.raises(ValueError, match="do not match"):
+    with pytest.raises(ValueError, match="1 goals do not match 2 starts"):
         NavigationFilter([[0.0, 0.0]], [[1.0, 0.0], [2.0, 0.0]])
     with pytest.raises(ValueError, match="goal must be finite"):
         NavigationFilter([[np.nan, 0.0]], [[1.0, 0.0]])

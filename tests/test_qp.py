@@ -191,6 +191,7 @@ def test_a_contradiction_is_infeasible_and_returns_the_least_bad_input(solver):
     assert found.margin == pytest.approx(-0.2, abs=1e-7)
     assert found.residual == pytest.approx(0.2, abs=1e-7)
     assert found.u[0] == pytest.approx(0.1, abs=1e-7)
+    assert isinstance(found.iterations, int) and found.refined is False
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -257,9 +258,184 @@ def test_numbers_that_are_not_finite_are_refused(bad):
         qp.solve([0.0], [[bad]], [0.0], [-1.0], [1.0])
 
 
-def test_crossed_limits_are_refused():
-    with pytest.raises(ValueError, match="lower <= upper"):
-        qp.solve([0.0], [[1.0]], [0.0], [1.0], [-1.0])
+@pytest.mark.parametrize("name", ["target", "rows", "rhs", "lower", "upper"])
+def test_what_is_not_finite_is_named_with_its_value(name):
+    given = {"target": [0.0], "rows": [[1.0]], "rhs": [0.0], "lower": [-1.0], "upper": [1.0]}
+    given[name] = np.full_like(given[name], np.inf)
+    with pytest.raises(ValueError, match=f"^the {name} of a QP must be finite, got inf"):
+        qp.solve(**given)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [([1.0], [-1.0]), ([0.0, 0.0], [1.0]), ([0.0], [1.0, 1.0])])
+def test_limits_that_cross_or_do_not_fit_are_refused(lower, upper):
+    with pytest.raises(ValueError, match="a QP needs 1 limits with lower <= upper, got "):
+        qp.solve([0.0], [[1.0]], [0.0], lower, upper)
+
+
+def test_a_solver_that_does_not_exist_is_refused():
+    with pytest.raises(ValueError, match="unknown QP solver 'cvx'; choose one of auto, osqp"):
+        qp.solve([0.0], [[1.0]], [0.0], [-1.0], [1.0], "cvx")
+
+
+def test_whole_numbers_are_no_reason_to_answer_in_whole_numbers():
+    found = qp.solve([0, 0, 9], [[2, 0, 0]], [3], [-9, -9, -9], [9, 9, 9])
+    np.testing.assert_allclose(found.u, [1.5, 0.0, 9.0], atol=1e-9)
+    margin, u = qp.best_margin([[1, 1]], [1], [0, 0], [2, 1])
+    assert margin == pytest.approx(2.0) and u == pytest.approx([2.0, 1.0])
+
+
+def test_exactly_on_its_rows_a_target_needs_no_solver():
+    found = qp.solve([2.0, 1.0], [[1.0, 0.0], [0.0, -3.0]], [2.0, -3.0], [0.0, 0.0], [3.0, 3.0])
+    assert (found.status, found.iterations, found.residual) == (Status.SOLVED, 0, 0.0)
+    assert found.u.tolist() == [2.0, 1.0]
+
+
+def test_limits_that_leave_no_choice_are_the_answer_and_the_residual_is_what_is_short():
+    rows, fixed = [[1.0, 1.0]], [2.0, 1.0]
+    for rhs, status, short in ((3.0 + 1e-7, Status.SOLVED, 1e-7), (3.5, Status.INFEASIBLE, 0.5)):
+        found = qp.solve([0.0, 0.0], rows, [rhs], fixed, fixed)
+        assert (found.status, found.iterations, found.refined) == (status, 0, False)
+        assert found.u.tolist() == fixed
+        assert found.residual == pytest.approx(short) and found.margin == pytest.approx(-short)
+
+
+def test_the_residual_of_a_qp_with_fixed_entries_counts_them():
+    found = qp.solve([0.0, 0.0], [[1.0, 1.0]], [9.0], [2.0, 0.0], [2.0, 3.0])
+    assert found.status == Status.INFEASIBLE
+    assert found.residual == pytest.approx(4.0) and found.u == pytest.approx([2.0, 3.0])
+
+
+def test_the_largest_common_margin_has_known_values():
+    # Between walls at 1 and -0.2 that face each other the best is the middle, and nothing else matters.
+    margin, u = qp.best_margin([[1.0, 0.0], [-1.0, 0.0]], [1.0, 0.2], [-3.0, -2.0], [9.0, 5.0])
+    assert margin == pytest.approx(-0.6) and u[0] == pytest.approx(0.4)
+    # A row as large as may be: the far corner of an unequal box.
+    margin, u = qp.best_margin([[2.0, -100.0]], [7.0], [1.0, -3.0], [4.0, 5.0])
+    assert margin == pytest.approx(8.0 + 300.0 - 7.0) and u == pytest.approx([4.0, -3.0])
+    margin, u = qp.best_margin(np.zeros((0, 2)), [], [1.0, -3.0], [4.0, 5.0])
+    assert margin == np.inf and u.tolist() == [2.5, 1.0]
+
+
+def forbidden(*_, **__):
+    raise AssertionError("this solver was not to be asked")
+
+
+@pytest.mark.parametrize("least", [0.0, 2.0], ids=["free", "one entry fixed"])
+def test_auto_asks_the_active_set_method_and_osqp_only_if_that_fails(monkeypatch, least):
+    problem = [0.5, -1.0], [[1.0, 1.0]], [5.0], [least, 0.0], [2.0, 9.5]
+    with monkeypatch.context() as patch:
+        patch.setattr(qp, "_osqp", forbidden)
+        auto = qp.solve(*problem)
+    monkeypatch.setattr(qp.active_set, "attempt", forbidden)
+    osqp = qp.solve(*problem, "osqp")
+    assert auto.status == osqp.status == Status.SOLVED
+    assert auto.iterations > 0 and not auto.refined
+    np.testing.assert_allclose(auto.u, osqp.u, rtol=0, atol=1e-8)
+
+
+def lying(u, dual, used, claims_infeasible=False):
+    """A solver that answers this, whatever is asked."""
+    return lambda t, A, b, *_, **__: (
+        u(t) if callable(u) else u,
+        np.full(b.size, dual),
+        used,
+        claims_infeasible,
+    )
+
+
+def test_a_poor_answer_is_refined_at_once_and_its_iterations_count(monkeypatch):
+    problem = random_problem(np.random.default_rng(12), 6, 5)
+    right = qp.solve(*problem)
+    monkeypatch.setattr(qp, "_osqp", forbidden)
+    monkeypatch.setattr(qp.active_set, "attempt", lying(np.zeros_like, 0.0, 7))
+    found = qp.solve(*problem)
+    assert (found.status, found.refined, found.iterations) == (Status.SOLVED, True, 7)
+    assert found.residual == qp.violation(found.u, problem[1], problem[2])
+    np.testing.assert_allclose(found.u, right.u, rtol=0, atol=1e-8)
+
+
+def test_when_all_solvers_claim_there_is_no_input_and_a_program_finds_one_it_is_refined(monkeypatch):
+    problem = random_problem(np.random.default_rng(13), 6, 5)
+    right = qp.solve(*problem)
+    for module, name in ((qp.active_set, "attempt"), (qp, "_osqp")):
+        monkeypatch.setattr(module, name, lying(np.zeros_like, 0.0, 7, True))
+    found = qp.solve(*problem)
+    assert (found.status, found.refined, found.iterations) == (Status.SOLVED, True, 21)
+    assert found.margin == qp.best_margin(*problem[1:])[0] >= 0.0
+    assert found.residual <= 1e-9
+    np.testing.assert_allclose(found.u, right.u, rtol=0, atol=1e-8)
+
+
+def test_what_nothing_finds_though_it_exists_is_the_iteration_limit(monkeypatch):
+    problem = random_problem(np.random.default_rng(14), 6, 5)
+    for module, name in ((qp.active_set, "attempt"), (qp, "_osqp")):
+        monkeypatch.setattr(module, name, lying(np.zeros_like, 1.0, 7))
+    monkeypatch.setattr(qp, "_nearest", lambda *_: None)
+    found = qp.solve(*problem)
+    margin, u = qp.best_margin(*problem[1:])
+    assert (found.status, found.refined, found.iterations) == (Status.ITERATION_LIMIT, False, 21)
+    assert (found.margin, found.residual) == (margin, 0.0)
+    np.testing.assert_array_equal(found.u, u)
+
+
+def test_rows_that_contradict_each_other_by_less_than_the_residual_give_way_by_so_much():
+    rows = np.array([[1.0, 200.0], [-1.0, -200.0]])
+    gap = 0.95 * qp.RESIDUAL
+    found = qp.solve([40.0, -3.0], rows, [20.0, -20.0 + gap], [15.0, -0.2], [25.0, 0.2])
+    assert (found.status, found.refined) == (Status.SOLVED, True)
+    assert found.margin == pytest.approx(-0.5 * gap, rel=1e-3)
+    assert 0.5 * gap * (1 - 1e-6) <= found.residual == qp.violation(found.u, rows, np.r_[20.0, -20.0 + gap])
+    assert found.residual <= qp.RESIDUAL and isinstance(found.iterations, int)
+    exact = qp.solve([40.0, -3.0], rows, [20.0, -20.0], [15.0, -0.2], [25.0, 0.2])
+    np.testing.assert_allclose(found.u, exact.u, rtol=0, atol=1e-5)
+
+
+def test_osqp_itself_answers_with_multipliers_iterations_and_silence(capfd):
+    # The nearest point to (3, 1) with x <= 1 is (1, 1), pulled by a force of 2.
+    target, rows, rhs = np.array([3.0, 1.0]), np.array([[-1.0, 0.0], [0.0, 1.0]]), np.array([-1.0, -5.0])
+    box = np.full(2, -9.0), np.full(2, 9.0)
+    u, dual, used, infeasible = qp._osqp(target, rows, rhs, *box, tolerance=1e-9, most=20_000)
+    np.testing.assert_allclose(u, [1.0, 1.0], atol=1e-7)
+    np.testing.assert_allclose(dual, [2.0, 0.0], atol=1e-7)
+    assert 0 < used <= 20_000 and infeasible is False
+    assert qp._osqp(target, rows, rhs, *box, tolerance=1e-9, most=1)[2] == 1
+    outside, beyond = np.array([30.0, -30.0]), np.array([10.0, 0.0])
+    u, dual, _, infeasible = qp._osqp(outside, -rows, beyond, *box, tolerance=1e-9, most=20_000)
+    assert infeasible is True and u.tolist() == [9.0, -9.0] and dual.tolist() == [0.0, 0.0]
+    assert capfd.readouterr().out == ""
+
+
+def test_the_error_is_zero_at_the_optimum_and_the_distance_from_its_conditions_elsewhere():
+    t, A, b = np.array([3.0, 1.0]), np.array([[-1.0, 0.0], [0.0, 1.0]]), np.array([-1.0, -5.0])
+    lo, hi = np.full(2, -9.0), np.full(2, 9.0)
+    for u, dual, error in (
+        ([1.0, 1.0], [2.0, 0.0], 0.0),
+        ([1.5, 1.0], [1.5, 0.0], 0.5),  # half a unit beyond the first row
+        ([0.5, 1.0], [2.5, 0.0], 0.5),  # a force where there is no contact
+        ([1.0, 1.0], [1.0, 0.0], 1.0),  # too little force
+        ([1.0, 1.25], [2.0, 0.25], 0.25),  # a force of a row that is far away
+    ):
+        assert qp._error(np.array(u), np.array(dual), t, A, b, lo, hi) == error
+    # pressed against the box, any force outwards is right
+    for edge in (9.0, -9.0):
+        u, target = np.array([edge, 1.0]), np.array([10 * edge, 1.0])
+        assert qp._error(u, np.zeros(2), target, -A, b - 9.0, lo, hi) == 0.0
+
+
+def test_a_row_of_zeros_is_a_statement_about_its_right_hand_side():
+    rows, box = [[0.0, 0.0], [1.0, 1.0]], ([0.0, 0.0], [4.0, 9.0])
+    np.testing.assert_allclose(qp.solve([0.0, 1.0], rows, [-1.0, 5.0], *box).u, [2.0, 3.0], atol=1e-9)
+    found = qp.solve([0.0, 1.0], rows, [0.25, 5.0], *box)
+    assert (found.status, found.residual) == (Status.INFEASIBLE, pytest.approx(0.25))
+
+
+@pytest.mark.parametrize("guess", [None, np.zeros(2, dtype=bool), np.array([False, True])])
+def test_refinement_ends_at_the_optimum_wherever_it_starts(guess):
+    # The box holds the first entry at 2, the first row the sum at 5, the second row nothing.
+    t, lo, hi = np.array([9.0, 0.0]), np.array([0.0, 0.0]), np.array([2.0, 9.0])
+    A, b = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([5.0, 1.0])
+    np.testing.assert_allclose(qp._nearest(t, A, b, lo, hi, guess), [2.0, 3.0], atol=1e-12)
+    assert qp._nearest(t, A, np.array([12.0, 1.0]), lo, hi, guess) is None
 
 
 def test_sparse_rows_are_accepted():

@@ -7,6 +7,7 @@ from filters import active_set, qp
 from filters.alpha import cubic
 from filters.barrier import TurnBarrier
 from filters.collision import CollisionFilter
+from filters.infeasible import impossible
 from filters.qp import Status
 from filters.qp_each import solve_each
 from filters.unicycle import Command, Limits, State, View, step
@@ -105,6 +106,119 @@ def test_entries_without_a_choice_or_a_row_keep_their_value_to_the_last_bit():
         mine = owner == v
         alone = qp.solve(target[v], rows[mine], rhs[mine] - 50.0, lower[v], upper[v])
         np.testing.assert_allclose(u[v], alone.u, rtol=0, atol=1e-9)
+
+
+def forbidden(*_, **__):
+    raise AssertionError("this solver was not to be asked")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_ordinary_qps_are_all_solved_in_the_one_pass(seed, monkeypatch):
+    """What is not trusted goes to `qp.solve`, which hides any mistake made before at twice the price."""
+    rng = np.random.default_rng(20 + seed)
+    _, (target, owner, rows, rhs, lower, upper) = by_vehicle(rng, 15, ("plain", "vertex", "corner"))
+    # vehicle 4 has an entry without a choice, 5 one in no row, 6 a row of zeros
+    lower[4, 1] = upper[4, 1] = 0.5 * (lower[4, 1] + upper[4, 1])
+    rhs[owner == 4] -= 0.5 * np.linalg.norm(rows[owner == 4], axis=1) + 40.0
+    rows[owner == 5, 2] = 0.0
+    rhs[owner == 5] -= 40.0
+    zero = np.flatnonzero(owner == 6)[0]
+    rows[zero], rhs[zero] = 0.0, -1.0
+    expected = []
+    for v in range(15):
+        mine = owner == v
+        expected.append(qp.solve(target[v], rows[mine], rhs[mine], lower[v], upper[v], "osqp"))
+    assert all(e.status == Status.SOLVED for e in expected)
+    monkeypatch.setattr(qp, "solve", forbidden)
+    monkeypatch.setattr(qp, "_osqp", forbidden)
+    u, status = solve_each(target, owner, rows, rhs, lower, upper)
+    np.testing.assert_array_equal(status, Status.SOLVED)
+    np.testing.assert_allclose(u, [e.u for e in expected], rtol=0, atol=1e-8)
+
+
+def test_an_entry_without_a_choice_counts_in_its_rows_in_the_one_pass(monkeypatch):
+    # 2 m/s are given, so the others must make up the rest of 5, or of 1 in the opposite direction
+    target = np.array([[0.0, 0.0, 0.0], [9.0, 9.0, 9.0]])
+    rows, owner = np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]]), np.array([0, 1])
+    lower, upper = np.tile([2.0, -9.0, -9.0], (2, 1)), np.tile([2.0, 9.0, 9.0], (2, 1))
+    monkeypatch.setattr(qp, "solve", forbidden)
+    u, status = solve_each(target, owner, rows, np.array([5.0, -1.0]), lower, upper)
+    np.testing.assert_array_equal(status, Status.SOLVED)
+    np.testing.assert_allclose(u, [[2.0, 3.0, 0.0], [2.0, -1.0, 9.0]], atol=1e-10)
+
+
+def test_where_only_osqp_may_be_asked_nothing_else_is(monkeypatch):
+    _, together = by_vehicle(np.random.default_rng(11), 8)
+    honest, honest_status = solve_each(*together)
+    for name in ("attempt", "attempt_each"):
+        monkeypatch.setattr(active_set, name, forbidden)
+    u, status = solve_each(*together, "osqp")
+    np.testing.assert_array_equal(status, honest_status)
+    np.testing.assert_allclose(u, honest, rtol=0, atol=1e-7)
+
+
+def test_crossed_limits_of_one_vehicle_are_refused():
+    _, together = by_vehicle(np.random.default_rng(12), 4, ("plain",))
+    together[4][0, 0] = together[5][0, 0] + 1.0
+    with pytest.raises(ValueError, match="lower <= upper"):
+        solve_each(*together)
+
+
+@pytest.mark.parametrize(
+    ("u", "dual", "why"),
+    [
+        ([2.0, 0.0, 0.0], [0.0, 0.0], "it satisfies the rows but another is nearer"),
+        ([1.5, 0.0, 0.0], [1.5, 0.0], "it is pulled as far as it goes, beyond need"),
+        ([0.9, 0.0, 0.0], [0.9, 0.0], "the first row is short"),
+        ([1.0, 0.0, 0.0], [2.0, 0.0], "the pull is too strong"),
+        ([1.0, 0.0, 0.0], [1.0, 0.5], "a row that is far away pulls"),
+    ],
+)
+def test_no_part_of_a_claimed_optimum_is_taken_on_trust(u, dual, why, monkeypatch):
+    """At least 1 m/s, which is the nearest to 0; the second row asks for no less than -5."""
+    rows, rhs = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]), np.array([1.0, -5.0])
+    box = np.full((1, 3), -9.0), np.full((1, 3), 9.0)
+    lie = np.array([u]), np.array(dual), np.ones(1, dtype=int), np.ones(1, dtype=bool)
+    monkeypatch.setattr(active_set, "attempt_each", lambda *_: lie)
+    found, status = solve_each(np.zeros((1, 3)), np.zeros(2, dtype=int), rows, rhs, *box)
+    assert status.tolist() == [Status.SOLVED], why
+    np.testing.assert_allclose(found, [[1.0, 0.0, 0.0]], atol=1e-9, err_msg=why)
+
+
+def test_the_active_set_method_answers_with_the_optimum_its_multipliers_and_its_effort():
+    # The nearest point to (3, 1) with x <= 1 is (1, 1), pulled by 2; to (-8, 4) with y >= 6 it is (-8, 6).
+    t, count = np.array([[3.0, 1.0], [-8.0, 4.0], [5.0, 5.0]]), np.array([2, 1, 1])
+    A = np.array([[-1.0, 0.0], [0.0, 1.0], [0.0, 1.0], [1.0, 0.0]])
+    b = np.array([-1.0, -5.0, 6.0, 20.0])
+    lo, hi = np.full((3, 2), -9.0), np.full((3, 2), 9.0)
+    u, dual, iterations, found = active_set.attempt_each(t, count, A, b, lo, hi)
+    np.testing.assert_allclose(u[:2], [[1.0, 1.0], [-8.0, 6.0]], atol=1e-11)
+    np.testing.assert_allclose(dual[:3], [2.0, 0.0, 2.0], atol=1e-11)
+    assert found.tolist() == [True, True, False] and found.dtype == bool
+    assert np.all(iterations > 0) and iterations.dtype.kind == "i"
+    one, multipliers, used, none = active_set.attempt(t[0], A[:2], b[:2], lo[0], hi[0])
+    assert one.tolist() == u[0].tolist() and multipliers.tolist() == dual[:2].tolist()
+    assert isinstance(used, int) and used == iterations[0] and not none
+
+
+def test_impossible_is_said_only_with_a_proof(monkeypatch):
+    rows, box = np.array([[1.0, 1.0], [-1.0, 0.0], [0.0, 0.0]]), (np.array([-1.0, 2.0]), np.array([3.0, 4.0]))
+    # x + y reaches 7 in the corner, and 5 where x must not exceed 1
+    for rhs, proved in (
+        ([7.0, -9.0, -1.0], False),
+        ([7.1, -9.0, -1.0], True),
+        ([5.0, -1.0, -1.0], False),
+        ([5.1, -1.0, -1.0], True),
+        ([0.0, -9.0, 0.1], True),
+        ([7.0 + 1e-7, -9.0, -1.0], False),  # short by less than passes for solved
+    ):
+        assert impossible(rows, np.array(rhs), *box) is proved, rhs
+
+    def tired(*_, **__):
+        raise RuntimeError("too many iterations")
+
+    monkeypatch.setattr("scipy.optimize.nnls", tired)
+    assert impossible(rows, np.array([7.1, -9.0, -1.0]), *box) is False
 
 
 @pytest.mark.parametrize("lie", ["no solution", "wrong", "not a number", "unbounded multipliers"])

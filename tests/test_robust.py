@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -55,10 +55,12 @@ class Seen:
 
     views: list
     nominals: list
+    limits: list = field(default_factory=list)
 
     def __call__(self, view, nominal, limits):
         self.views.append(view)
         self.nominals.append(nominal)
+        self.limits.append(limits)
         return Passthrough()(view, nominal, limits)
 
 
@@ -163,6 +165,31 @@ def test_a_margin_that_is_negative_or_not_finite_is_an_error(amount):
         InputToState(epsilon=-abs(amount))
 
 
+@pytest.mark.parametrize("name", ["v", "omega", "zeta"])
+@pytest.mark.parametrize("value", [-1e-9, np.nan, np.inf])
+def test_each_bound_and_weight_out_of_range_is_named(name, value):
+    for make in (BoundedError, lambda **given: InputToState(1.0, **given)):
+        with pytest.raises(ValueError, match=f"^{name} must be finite and not negative, got {value}"):
+            make(**{name: value})
+        make(**{name: 0.0})
+
+
+@pytest.mark.parametrize("epsilon", [0.0, -1.0, np.nan, np.inf])
+def test_an_epsilon_that_divides_by_nothing_is_refused(epsilon):
+    with pytest.raises(ValueError, match=r"^epsilon must be positive and finite"):
+        InputToState(epsilon)
+
+
+def test_margins_have_the_sizes_their_formulas_say():
+    lie = np.array([[1.0, -20.0, 3.0], [0.0, 0.0, -2.0]])
+    np.testing.assert_allclose(BoundedError(0.5, 0.1, 2.0)(lie), [0.5 + 2.0 + 6.0, 4.0])
+    # |W L_g h|^2 / epsilon: (2 * 1)^2 + (0.1 * 20)^2 + (3 * 3)^2 = 89
+    np.testing.assert_allclose(InputToState(4.0, 2.0, 0.1, 3.0)(lie), [89.0 / 4.0, 36.0 / 4.0])
+    np.testing.assert_allclose(InputToState(4.0)(lie), [410.0 / 4.0, 1.0])
+    both = Sum((BoundedError(0.5, 0.1, 2.0), InputToState(4.0)))
+    np.testing.assert_allclose(both(lie), [8.5 + 102.5, 4.0 + 1.0])
+
+
 # --- predicted poses -------------------------------------------------------------------------------------
 
 
@@ -190,7 +217,7 @@ def test_a_predicting_filter_passes_the_nominal_on_and_reports_the_predicted_h()
     state, rates, nominal = random_state(rng), random_rates(rng), random_rates(rng)
     seen = Seen([], [])
     Predicted(seen, Horizon(0.3))(View(state, rates), nominal, LIMITS)
-    assert seen.nominals == [nominal]
+    assert seen.nominals == [nominal] and seen.limits == [LIMITS] and seen.views[0].rates is rates
     made = Predicted(CollisionFilter(TURN, ALPHA), Horizon(0.3))(View(state, rates), nominal, LIMITS)
     np.testing.assert_array_equal(made.pairs.h, TURN.values(step(state, rates, 0.3)).h)
     # What the run loop takes for the true h, it takes from a filter with this attribute only.
@@ -267,10 +294,55 @@ def test_h_of_the_lagged_pose_is_constant_while_lagged_vehicles_evade():
     assert np.ptp(seen) < 5e-3 < 1.0 < np.ptp(true)
 
 
+def carried_beyond(lags, rate, u, theta, seconds=60.0, steps=600_000):
+    """m: where a lagging vehicle ends up beside one that flies `u` from now on, by the trapezoidal rule."""
+    t = np.linspace(0.0, seconds, steps + 1)
+    v, omega = lags[0], lags[1]
+
+    def left(lag):
+        late = np.maximum(t - lag.delay_s, 0.0)
+        return np.exp(-late / lag.time_constant_s) if lag.time_constant_s else np.where(late > 0, 0.0, 1.0)
+
+    speed = u[0] + (rate[0] - u[0]) * left(v)
+    constant = omega.time_constant_s
+    turned = np.minimum(t, omega.delay_s) + constant * (1.0 - left(omega))
+    gap = (rate[1] - u[1]) * turned
+    swung = (omega.time_constant_s + omega.delay_s) * (rate[1] - u[1])
+    arc = theta + u[1] * t
+    beyond = speed * np.exp(1j * (arc + gap)) - u[0] * np.exp(1j * (arc + swung))
+    return 0.5 * np.sum(beyond[1:] + beyond[:-1]) * t[1]
+
+
+def test_of_vehicles_with_lags_of_their_own_each_pose_is_displaced_by_what_its_transient_adds():
+    mixed = [LAGS, LATE, (Lag(0.4, 0.3), Lag(2.0, 0.1), Lag(1.0))]
+    rng = rng_of(13)
+    state, rates, u = random_state(rng, 3), random_rates(rng, 3), random_rates(rng, 3)
+    together = LaggedPose(mixed, u)(state, rates)
+    for k, lags in enumerate(mixed):
+        alone = LaggedPose([lags], u[[k]])(state[[k]], rates[[k]])
+        assert pose_error(together[[k]], alone) < 1e-9
+        moved = carried_beyond(lags, rates.array()[k], u.array()[k], state.theta[k])
+        shift = together.x[k] - state.x[k] + 1j * (together.y[k] - state.y[k])
+        # the rule's own error, 1e-8 m, more at a delay's end
+        assert abs(shift - moved) < 1e-4
+        whole = [lag.time_constant_s + lag.delay_s for lag in lags]
+        beyond = (rates.array() - u.array())[k]
+        assert together.theta[k] - state.theta[k] == pytest.approx(whole[1] * beyond[1])
+        assert together.z[k] - state.z[k] == pytest.approx(whole[2] * beyond[2])
+
+
 @pytest.mark.parametrize("seconds", [-0.1, np.nan, np.inf])
 def test_a_horizon_out_of_range_is_an_error(seconds):
     with pytest.raises(ValueError, match="a prediction horizon must be finite"):
         Horizon(seconds)
+
+
+@dataclass
+class Raw:
+    """A lag that checks nothing."""
+
+    time_constant_s: float
+    delay_s: float
 
 
 def test_lags_that_do_not_fit_are_an_error():
@@ -278,6 +350,10 @@ def test_lags_that_do_not_fit_are_an_error():
         LaggedPose([LAGS] * 3, GAMMA)
     with pytest.raises(ValueError, match="time constant must be finite"):
         LaggedPose([(Lag(np.inf), Lag(), Lag())], GAMMA)
+    with pytest.raises(ValueError, match=r"a delay must be finite and not negative, got .*-0.1"):
+        LaggedPose([(Lag(), Raw(0.0, -0.1), Lag())], GAMMA)
+    with pytest.raises(ValueError, match="2 vehicles need one or 2 triples of lags, got 1"):
+        LaggedPose([LAGS[:2]], GAMMA)
 
 
 # --- the frame of the air --------------------------------------------------------------------------------
@@ -372,9 +448,82 @@ def test_a_wind_that_the_air_frame_cannot_take_is_an_error(wind):
 
 def test_a_measured_wind_is_asked_of_the_view():
     state, rates = random_state(rng_of(1)), random_rates(rng_of(1))
-    filter_ = CollisionFilter(TURN, ALPHA)
+    filter_, view = CollisionFilter(TURN, ALPHA), View(state, rates)
     given, asked = (
-        AirMass(filter_, w)(View(state, rates), rates, LIMITS).command.array()
-        for w in ((3.0, 1.0), lambda view: np.array([3.0, 1.0]))
+        AirMass(filter_, w)(view, rates, LIMITS).command.array()
+        for w in ((3.0, 1.0), lambda seen: np.array([3.0, 1.0]) if seen is view else np.full(2, np.nan))
     )
     np.testing.assert_array_equal(given, asked)
+
+
+@pytest.mark.parametrize("wind", [0j, 3 + 2j, -6 + 0j, 4j, -2 - 5j])
+def test_the_wrapped_filter_sees_poses_and_rates_relative_to_the_air(wind):
+    rng = rng_of(11)
+    state, air_rates = random_state(rng, 5), random_rates(rng, 5)
+    seen = Seen([], [])
+    AirMass(seen, (wind.real, wind.imag))(through_air(state, air_rates, wind), air_rates, LIMITS)
+    assert pose_error(seen.views[0].state, state) < 1e-12
+    np.testing.assert_allclose(seen.views[0].rates.array(), air_rates.array(), atol=1e-12)
+
+
+def test_without_wind_what_the_wrapped_filter_sees_is_the_same_to_the_last_bit():
+    rng = rng_of(12)
+    view = View(random_state(rng, 5), random_rates(rng, 5))
+    seen = Seen([], [])
+    AirMass(seen, (0.0, 0.0))(view, view.rates, LIMITS)
+    np.testing.assert_array_equal(seen.views[0].state.array(), view.state.array())
+    np.testing.assert_array_equal(seen.views[0].rates.array(), view.rates.array())
+
+
+def test_a_vehicle_blown_backwards_faces_into_the_wind_and_shows_no_turn():
+    # 2 m/s over the ground, in 5 m/s from behind: it heads the other way at 3 m/s
+    view = View(State([0.0], 0.0, 0.0, 0.0), Command([2.0], 0.1, 0.0))
+    seen = Seen([], [])
+    AirMass(seen, (5.0, 0.0))(view, view.rates, LIMITS)
+    assert abs(seen.views[0].state.theta[0]) == pytest.approx(np.pi)
+    np.testing.assert_allclose(seen.views[0].rates.array(), [[3.0, 0.0, 0.0]], atol=1e-12)
+
+
+def turn_ratio(v, drift):
+    """Turn rate in the air over that above the ground, at airspeed v, the wind along and left `drift`."""
+    return abs(v + drift) ** 2 / (v * (v + drift.real))
+
+
+@pytest.mark.parametrize("wind", [5 + 0j, -8 + 3j, -14 + 1j, 6j, -4 - 9j, -6 - 6j])
+def test_turn_rates_are_kept_to_what_the_worst_airspeed_allows(wind):
+    view = View(State([0.0], 0.0, 0.0, 0.0), through_air(State([0.0], 0.0, 0.0, 0.0), GAMMA[[0]], wind).rates)
+    ahead = through_air(State([0.0], 0.0, 0.0, 0.0), GAMMA[[0]], wind)
+    seen = Seen([], [])
+    AirMass(seen, (wind.real, wind.imag))(ahead, view.rates, LIMITS)
+    box = seen.limits[0]
+    # ground speeds of 15 and 25 m/s with the nose to the east
+    v = np.sqrt(np.array([15.0, 25.0]) ** 2 - wind.imag**2) - wind.real
+    np.testing.assert_allclose([box.v_min[0], box.v_max[0]], v)
+    grid = np.linspace(*v, 200_001)
+    assert box.omega_max[0] == pytest.approx(OMEGA_MAX * turn_ratio(grid, wind).min(), rel=1e-9)
+
+
+@pytest.mark.parametrize(("wanted", "flown"), [(5.0, 15.0), (20.0, 20.0), (60.0, 25.0)])
+def test_a_nominal_turn_is_that_of_the_nearest_speed_that_can_be_flown(wanted, flown):
+    wind = -6 + 4j
+    view = through_air(State([0.0], 0.0, 0.0, 0.0), GAMMA[[0]], wind)
+    seen = Seen([], [])
+    AirMass(seen, (wind.real, wind.imag))(view, Command([wanted], 0.1, 1.0), LIMITS)
+    v = np.sqrt(flown**2 - wind.imag**2) - wind.real
+    np.testing.assert_allclose(seen.nominals[0].omega, 0.1 * turn_ratio(v, wind))
+    np.testing.assert_allclose(seen.nominals[0].v, np.sqrt(wanted**2 - wind.imag**2) - wind.real)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_what_the_wrapped_filter_says_of_its_qps_is_passed_on(mode):
+    state = State([-25.0, 25.0], [0.5, -0.5], [0.0, np.pi], [0.0, 0.0])
+    rates = Command([25.0, 25.0], 0.0, 0.0)
+    filter_, said = CollisionFilter(TURN, ALPHA, mode), []
+
+    def listening(view, nominal, limits):
+        said.append(filter_(view, nominal, limits))
+        return said[0]
+
+    made = AirMass(listening, (3.0, -4.0))(View(state, rates), rates, LIMITS)
+    for name in ("status", "residual", "pairs", "hdot_predicted"):
+        assert getattr(made, name) is getattr(said[0], name)

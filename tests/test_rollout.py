@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -11,10 +12,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from filters import minimum
 from filters.barrier import EuclideanBarrier, ForwardDifference, StraightBarrier, TurnBarrier, all_pairs
-from filters.minimum import global_minimum
+from filters.minimum import NotLocated, global_minimum
 from filters.rollout import PremiseNotMet, RolloutBarrier
-from filters.safety import SquaredRange
+from filters.safety import Motion, SquaredRange
 from filters.unicycle import Command, State, step
 
 DS = 5.0
@@ -264,6 +266,230 @@ def test_no_minimum_of_a_random_trigonometric_sum_is_missed(data):
     tau = global_minimum(value, slope, bound, 2 * np.pi * one, np.array([True]), one, 1e-13)
     grid = value(None, np.linspace(0, 2 * np.pi, 20001))
     assert value(None, tau)[0] <= grid.min() + 1e-11 * (1 + bound[0])
+
+
+@dataclass(frozen=True)
+class Told(SquaredRange):
+    """The squared range, keeping the motions it is told."""
+
+    motions: list = field(default_factory=list)
+
+    def curvature(self, motion):
+        self.motions.append(motion)
+        return super().curvature(motion)
+
+
+def test_the_motion_a_safety_function_is_told_is_that_of_the_vehicles():
+    told = Told()
+    state = random_state(np.random.default_rng(32), len(MIXED))
+    RolloutBarrier(MIXED, DS, told).values(state)
+    (m,), (i, j) = told.motions, all_pairs(len(MIXED))
+    np.testing.assert_array_equal(m.theta_i, state.theta[i])
+    for tau in (0.0, 1.3, 7.7):
+        a, b = step(state[i], MIXED[i], tau), step(state[j], MIXED[j], tau)
+        offset = m.centre + m.drift * tau
+        offset = offset + m.arm_i * np.exp(1j * m.rate_i * tau) + m.arm_j * np.exp(1j * m.rate_j * tau)
+        np.testing.assert_allclose(offset, a.x - b.x + 1j * (a.y - b.y), atol=1e-9)
+        np.testing.assert_allclose(m.height + m.climb * tau, a.z - b.z, atol=1e-12)
+    alike = MIXED.omega[i] == MIXED.omega[j]
+    assert np.all(m.arm_j[alike] == 0.0) and alike.any()
+
+
+def test_beyond_its_horizon_no_pair_comes_as_close_as_it_is_now():
+    told = Told()
+    for seed in range(5):
+        state = random_state(np.random.default_rng(40 + seed), len(MIXED), 60.0)
+        RolloutBarrier(MIXED, DS, told).values(state)
+        m, (i, j) = told.motions[-1], all_pairs(len(MIXED))
+        now = told.value(state[i], state[j])
+        for share in np.linspace(1.0, 4.0, 60):
+            tau = share * m.horizon
+            later = told.value(step(state[i], MIXED[i], tau), step(state[j], MIXED[j], tau))
+            parts = ~np.isfinite(RolloutBarrier(MIXED, DS)._period[i, j])
+            assert np.all(later[parts] >= now[parts] * (1 - 1e-6))
+
+
+def test_the_horizon_of_two_who_fly_straight_ends_when_they_are_as_far_apart_again():
+    told = Told()
+    # 100 m apart, closing at 30 m/s, 10 m past each other sideways and 4 m in height, closing at 0.5 m/s
+    gamma = Command([18.0, 12.0], 0.0, [0.0, 0.5])
+    approaching = State([0.0, 100.0], [0.0, 10.0], [0.0, np.pi], [4.0, 0.0])
+    RolloutBarrier(gamma, DS, told).values(approaching)
+    assert told.motions[0].horizon[0] == pytest.approx(2 * (100 * 30 + 4 * 0.5) / (30**2 + 0.5**2), rel=1e-8)
+    parting = State([0.0, -100.0], [0.0, 10.0], [0.0, np.pi], [-4.0, 0.0])
+    RolloutBarrier(gamma, DS, told).values(parting)
+    assert told.motions[1].horizon[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_plain_form_is_the_minimum_itself_with_its_gradient():
+    state = random_state(np.random.default_rng(33), len(MIXED))
+    plain, root = (RolloutBarrier(MIXED, DS, form=form).values(state) for form in ("plain", "root"))
+    far = root.h > 0.0
+    np.testing.assert_allclose(plain.h[far], (root.h[far] + DS) ** 2, rtol=1e-9)
+    np.testing.assert_allclose(plain.grad[far], 2 * (root.h[far, None] + DS) * root.grad[far], rtol=1e-7)
+    assert far.sum() > 10
+
+
+def test_turn_rates_of_a_ratio_up_to_64_have_a_period():
+    turning = Command([16.0, 16.0], [0.64, -0.01], 0.0)
+    assert RolloutBarrier(turning, DS)._period[0, 1] == pytest.approx(2 * np.pi / 0.01)
+    sevenths = Command([16.0, 16.0], [0.3, 0.7], 0.0)
+    assert RolloutBarrier(sevenths, DS)._period[1, 0] == pytest.approx(2 * np.pi / 0.1)
+    reason = (
+        "vehicles 1 and 2 climb alike and turn at 0.65 and 0.01 rad/s, without a ratio p/q of p, q <= 64: "
+        "their relative orbit does not close and no time attains the infimum; choose commensurable turn "
+        "rates or different climb rates"
+    )
+    with pytest.raises(PremiseNotMet, match=f"^{re.escape(reason)}$"):
+        RolloutBarrier(Command([16.0, 16.0], [0.65, 0.01], 0.0), DS)
+
+
+def test_a_minimum_that_outgrows_memory_is_refused_naming_the_pair_and_the_horizon(monkeypatch):
+    monkeypatch.setattr(minimum, "CELL_LIMIT", 1000)
+    gamma = Command(np.full(3, 16.0), [0.2, 0.0, -0.2], [5.0, 0.0, 5.001])
+    state = random_state(np.random.default_rng(28), 3)
+    with pytest.raises(
+        PremiseNotMet, match=r"of vehicles 1 and 3 cannot be located within .* horizon of \d"
+    ) as e:
+        RolloutBarrier(gamma, DS).values(state)
+    assert "make these equal or more different, else choose a coarser resolution" in str(e.value)
+
+
+def dips(centre, width, depth, offset=0.0):
+    """Functions offset - depth exp(-((t - centre) / width)^2), all (P,), and what `global_minimum` needs."""
+    centre, width, depth, offset = (np.asarray(a, float) for a in (centre, width, depth, offset * np.ones(1)))
+    offset = np.broadcast_to(offset, centre.shape)
+
+    def value(p, t):
+        return offset[p] - depth[p] * np.exp(-(((t - centre[p]) / width[p]) ** 2))
+
+    def slope(p, t):
+        return 2 * (t - centre[p]) / width[p] ** 2 * (offset[p] - value(p, t))
+
+    return value, slope, 2 * depth / width**2
+
+
+def test_a_narrow_dip_is_found_where_it_is_deeper_than_the_resolution_says():
+    # Depth 1 m; the size is what the curvature allows in a first cell, 78 m, of which 1 % is less.
+    value, slope, bound = dips([0.4217], [0.005], [1.0])
+    one, no = np.ones(1), np.zeros(1, dtype=bool)
+    tau = global_minimum(value, slope, bound, one, no, one * 0.005, 1e-2)
+    assert tau == pytest.approx(0.4217, abs=1e-6)
+
+
+def test_each_function_is_searched_to_its_own_size():
+    centre, width = np.array([0.371, 0.648]), np.array([0.1, 0.004])
+    value, slope, bound = dips(centre, width, [1e13, 1e-3], np.array([1e13, 0.0]))
+    two, no = np.ones(2), np.zeros(2, dtype=bool)
+    np.testing.assert_allclose(global_minimum(value, slope, bound, two, no, width, 1e-13), centre, atol=1e-6)
+
+
+def test_a_function_over_no_time_is_least_at_once():
+    value, slope, bound = dips([0.3, 0.3], [0.1, 0.1], [1.0, 1.0])
+    end, no = np.array([0.0, 0.5]), np.zeros(2, dtype=bool)
+    tau = global_minimum(value, slope, bound, end, no, np.full(2, 0.1), 1e-13)
+    np.testing.assert_allclose(tau, [0.0, 0.3], atol=1e-7)
+
+
+def test_the_time_found_never_leaves_the_interval_of_a_function_without_period():
+    value, slope, bound = dips([-0.001, 0.501], [0.1, 0.1], [1.0, 1.0])
+    end, no = np.full(2, 0.5), np.zeros(2, dtype=bool)
+    tau = global_minimum(value, slope, bound, end, no, np.full(2, 0.1), 1e-13)
+    assert tau[0] == 0.0 and tau[1] == pytest.approx(0.5, abs=2e-3)
+
+
+def test_a_search_that_outgrows_memory_names_its_function(monkeypatch):
+    monkeypatch.setattr(minimum, "CELL_LIMIT", 1000)
+    # The second is flat, but its bound says that it could dip anywhere.
+    value, slope, bound = dips([0.3, 0.3], [0.1, 0.1], [1.0, 0.0], 1.0)
+    bound[1] = 1e9
+    two, no = np.ones(2), np.zeros(2, dtype=bool)
+    with pytest.raises(NotLocated, match="minimum of function 1 cannot be located with 1000 cells") as raised:
+        global_minimum(value, slope, bound, two, no, np.full(2, 0.1), 1e-13)
+    assert raised.value.function == 1
+
+
+def test_the_bound_on_a_cell_is_met_by_the_parabola_that_bends_as_much_as_allowed():
+    rng = np.random.default_rng(30)
+    left, rise, bend, width = rng.normal(size=500), rng.normal(size=500), rng.uniform(0, 9, 500), 0.7
+    vertex = -rise / bend
+    inside = (vertex > 0) & (vertex < width)
+    ends = left, left + rise * width + 0.5 * bend * width**2
+    least = np.where(inside, left - 0.5 * rise**2 / bend, np.minimum(*ends))
+    np.testing.assert_allclose(minimum._least_possible(*ends, np.full(500, width), bend), least, atol=1e-12)
+    assert 50 < inside.sum() < 450
+
+
+def motion(**given):
+    """One pair's `Motion`; what is not given is 0, and the horizon 10 s."""
+    names = ["centre", "drift", "arm_i", "arm_j", "rate_i", "rate_j", "height", "climb", "theta_i"]
+    fields = dict.fromkeys(names, 0.0) | {"horizon": 10.0} | given
+    return Motion(**{name: np.array([value]) for name, value in fields.items()})
+
+
+GENERAL = {
+    "centre": 3 + 4j, "drift": 3j, "arm_i": -2.0, "arm_j": 3j, "rate_i": -0.5, "rate_j": 1.5, "height": -2.0,
+    "climb": -1.0,
+}  # fmt: skip
+
+
+def test_the_bounds_of_a_motion_are_the_sums_of_their_parts():
+    m = motion(**GENERAL)
+    # centre 5 m, drift 30 m in 10 s, arms 2 and 3 m; height 2 m and 10 m
+    assert m.largest_range[0] == pytest.approx(np.hypot(40.0, 12.0))
+    # drift 3, arms 1 and 4.5, climb 1 m/s
+    assert m.largest_speed[0] == pytest.approx(np.hypot(8.5, 1.0))
+    assert m.largest_acceleration[0] == pytest.approx(0.5 + 6.75)
+    # Arm i against centre and drift 140 m^2 at 0.25, arm j 210 at 2.25, both 12 at 4; twice the squared drift
+    # and climb; four times the drift and the arms' 5.5 m/s.
+    assert SquaredRange().curvature(m)[0] == pytest.approx(35 + 472.5 + 48 + 20 + 66)
+
+
+def test_no_motion_bends_more_than_its_bounds_say():
+    rng = np.random.default_rng(31)
+    t = np.linspace(0.0, 10.0, 4001)
+    for _ in range(20):
+        planar = rng.normal(size=(4, 2)) @ [1, 1j] * [30, 5, 20, 20]
+        names = ("centre", "drift", "arm_i", "arm_j")
+        rates, vertical = rng.uniform(-0.6, 0.6, 2), rng.normal(size=2)
+        theta = np.angle(planar[2]) + np.sign(rates[0]) * np.pi / 2
+        m = motion(**dict(zip(names, planar, strict=True)), rate_i=rates[0], rate_j=rates[1],
+                   height=vertical[0], climb=vertical[1], theta_i=theta)  # fmt: skip
+        path = (
+            planar[0]
+            + planar[1] * t
+            + sum(a * np.exp(1j * w * t) for a, w in zip(planar[2:], rates, strict=True))
+        )
+        up, course = vertical[0] + vertical[1] * t, theta + rates[0] * t
+        for delta in (0.0, 50.0):
+            rho = abs(path) ** 2 + up**2 + delta * (np.sin(course) - np.cos(course) - 2)
+            bend = np.max(np.abs(np.diff(rho, 2))) / t[1] ** 2
+            assert bend <= SquaredRange(delta).curvature(m)[0] * (1 + 1e-6)
+        assert np.max(np.hypot(abs(path), up)) <= m.largest_range[0]
+        speed = np.hypot(abs(np.diff(path)), np.diff(up)) / t[1]
+        assert np.max(speed) <= m.largest_speed[0]
+        assert np.max(abs(np.diff(path, 2))) / t[1] ** 2 <= m.largest_acceleration[0] * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("theta", [0.4, 2.5, -1.9])
+def test_of_one_shared_turn_the_bend_is_known_exactly(theta):
+    """The range is a constant and one harmonic, delta's included: its amplitude times the rate squared."""
+    centre, arm, rate, delta = 7 - 3j, 4 + 1j, -0.3, 25.0
+    m = motion(centre=centre, arm_i=arm, rate_i=rate, rate_j=rate, theta_i=theta)
+    t = np.linspace(0.0, 2 * np.pi / abs(rate), 100_001)
+    course = theta + rate * t
+    rho = abs(centre + arm * np.exp(1j * rate * t)) ** 2 + delta * (np.sin(course) - np.cos(course))
+    most = (rho.max() - rho.min()) / 2 * rate**2
+    assert SquaredRange(delta).curvature(m)[0] == pytest.approx(most, rel=1e-6)
+
+
+def test_beyond_its_reach_no_pair_is_as_close_and_at_it_the_worst_course_is():
+    safety = SquaredRange(3.0)
+    # sin theta - cos theta is least, -sqrt 2, at -45 degrees
+    reach = safety.reach(np.array([40.0]))
+    worst = State(reach, 0.0, -np.pi / 4, 0.0), State(np.zeros(1), 0.0, 0.0, 0.0)
+    assert safety.value(*worst)[0] == pytest.approx(40.0)
+    assert safety.reach(np.array([-1e3]))[0] == 0.0
 
 
 def test_lists_of_manoeuvres_have_one_period_where_their_rates_are_small_multiples():

@@ -89,6 +89,41 @@ def test_clip_is_the_nearest_point_of_the_box_and_nan_is_outside():
     assert limits.contains(Command(25.0 + 1e-9, 0.0, 0.0), tolerance=1e-8)
 
 
+def test_numbers_of_any_type_become_floats_and_floats_that_fit_are_kept():
+    x, y, theta, z = np.arange(12.0).reshape(4, 3)
+    state = State(x, y, theta, z)
+    assert (state.x is x) and (state.y is y) and (state.theta is theta) and (state.z is z)
+    for made in (
+        Command(np.arange(3), np.arange(3), np.arange(3)),
+        Command(x.astype(np.float32), x.astype(np.float32), x.astype(np.float32)),
+        Command(x, x, x.astype(np.float32)),
+        Command.of(np.arange(9).reshape(3, 3)),
+        Command(np.zeros(3), np.zeros((2, 3)), [1, 2, 3])[0],
+    ):
+        assert made.shape == (3,) and {a.dtype for a in (made.v, made.omega, made.zeta)} == {np.dtype(float)}
+
+
+def test_each_vehicle_is_finite_and_inside_for_itself():
+    state = State([1.0, np.nan, 3.0], 0.0, [0.0, 0.0, np.inf], 0.0)
+    assert state.isfinite().tolist() == [True, False, False]
+    limits = Limits([15.0, 10.0], [25.0, 12.0], 0.2, 3.9)
+    assert limits.contains(Command(11.0, 0.0, 0.0)).tolist() == [False, True]
+    slack = Command([15.0 - 1e-9, 15.0 - 1e-7], 0.0, 0.0)
+    assert Limits(15.0, 25.0, 0.2, 3.9).contains(slack, 1e-8).tolist() == [True, False]
+
+
+def test_corners_cannot_be_written():
+    for corner in Limits([15.0], [25.0], 0.2, 3.9).corners:
+        with pytest.raises(ValueError, match="read-only"):
+            corner[0, 0] = 0.0
+
+
+def test_clipping_works_on_both_sides_of_every_entry():
+    limits = Limits(15.0, 25.0, 0.2, 3.9)
+    below, above = (limits.clip(Command(v, v, v)).array() for v in (-100.0, 100.0))
+    np.testing.assert_array_equal([below, above], [[15.0, -0.2, -3.9], [25.0, 0.2, 3.9]])
+
+
 @pytest.mark.parametrize("bad", [(0, 25, 1, 1), (26, 25, 1, 1), (15, 25, -1, 1), (15, np.inf, 1, 1)])
 def test_limits_out_of_order_are_refused(bad):
     with pytest.raises(ValueError, match="limits"):
@@ -101,5 +136,8 @@ def test_a_view_shows_each_observer_its_own_world():
     view = View(state, rates)
     assert not view.shared
     np.testing.assert_array_equal(view.of(1).state.x, [8, 12])
+    np.testing.assert_array_equal(view.of(1).rates.v, [16, 16])
+    same = View(state[0], rates[0])
+    assert same.shared and same.of(1) is same and same.own() is same
     np.testing.assert_array_equal(view.own().state.x, [0, 12])
     assert view.own().shared
