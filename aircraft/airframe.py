@@ -199,6 +199,8 @@ def load(name_or_folder: str | Path) -> Airframe:
 
 
 def _said(error: Any) -> str:
+    if error["type"] == "extra_forbidden":
+        return "unknown field"
     return str(error["msg"]).removeprefix("Value error, ")
 
 
@@ -215,7 +217,8 @@ def said(folder: Path) -> Airframe:
             f"no airframe {folder}: {path} does not exist; there are {', '.join(names())}, or give a folder"
         ) from None
     except ValidationError as e:
-        first = e.errors()[0]
+        # A field that nobody knows explains another that is missing.
+        first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
         where = ".".join(str(p) for p in first["loc"])
         raise ValueError(f"{path}: {where}: {_said(first)}" if where else f"{path}: {_said(first)}") from None
     except ValueError as e:

@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -74,9 +75,14 @@ def read(path: Path, airframe: Airframe | None = None) -> Airframe:
     changes: dict[str, float] = {}
     for section, values in gains.items():
         for gain, value in values.items() if isinstance(values, dict) else ():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ValueError(f"{path}: gains.{section}.{gain}: must be a finite number, got {value}")
-            changes[f"{section}.{gain}"] = float(value)
+            number = math.nan
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                with suppress(OverflowError):  # an integer of hundreds of digits
+                    number = float(value)
+            if not math.isfinite(number):
+                got = repr(value) if len(repr(value)) <= 80 else f"{repr(value)[:80]}..."
+                raise ValueError(f"{path}: gains.{section}.{gain}: must be a finite number, got {got}")
+            changes[f"{section}.{gain}"] = number
     try:
         changed = base.with_gains(changes)
         check_gains(changed.gains)

@@ -91,6 +91,14 @@ def test_bytes_of_a_model_are_linted_or_refused(folder: Path, name: str) -> None
     shutil.copy(X8 / name, folder / name)
 
 
+def test_a_field_that_nobody_knows_is_named_before_the_one_that_is_missing(folder: Path) -> None:
+    text = (X8 / "airframe.toml").read_text()
+    (folder / "airframe.toml").write_text(text.replace("name =", "names =", 1))
+    with pytest.raises(ValueError, match="names: unknown field"):
+        airframe.load(folder)
+    shutil.copy(X8 / "airframe.toml", folder)
+
+
 GAINS = 'base = "x8"\n[provenance]\nby = "hand"\n[gains.turn]\ndamping = 1.1\nbandwidth_radps = 9.0\n'
 
 
@@ -102,6 +110,23 @@ def test_one_change_to_a_gains_file_is_taken_or_named(
     path = folder.parent / "gains.toml"
     path.write_text(mutant[0], encoding="utf-8")
     load(path)
+
+
+def test_numbers_of_hundreds_of_digits_are_refused_in_one_short_line(folder: Path) -> None:
+    path = folder.parent / "gains.toml"
+    path.write_text(GAINS.replace("9.0", "1" + 400 * "0"))
+    with pytest.raises(ValueError, match=r"turn.bandwidth_radps: must be a finite number, got 1000"):
+        airframe.load(path)
+    path = folder.parent / "campaign.toml"
+    path.write_text(CAMPAIGN.replace("[4.0, 5.0]", f"[[1{3000 * '0'}], 5.0]"))
+    with pytest.raises(UserError, match="d_safe_m") as refused:
+        plan.expand(*reversed(plan_of(path)))
+    assert len(str(refused.value)) < 400
+
+
+def plan_of(path: Path) -> tuple[Scenario, file.Campaign]:
+    campaign, here = file.load(str(path))
+    return plan.base(campaign, here), campaign
 
 
 BASE = Scenario.model_validate({"name": "b", "vehicles": 2})

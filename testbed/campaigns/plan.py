@@ -13,7 +13,7 @@ from testbed import scenario
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
-from testbed.errors import UserError, nearest
+from testbed.errors import UserError, nearest, short
 from testbed.scenario import Scenario, assign, field_path
 
 Fields = dict[tuple[str, ...], Any]
@@ -163,7 +163,7 @@ def _cell_data(
 
 
 def _said(parameters: dict[str, Any], *before: str) -> str:
-    return ", ".join([*before, *(f"{axis} {value}" for axis, value in parameters.items())])
+    return ", ".join([*before, *(f"{axis} {short(str(value))}" for axis, value in parameters.items())])
 
 
 def _resolved(data: dict[str, Any], draws: dict[str, Any], seed: int, where: str = "campaign") -> Scenario:
