@@ -226,8 +226,9 @@ def airframes(s: Scenario) -> list[Any]:
 
 
 def airframe_hashes(s: Scenario) -> dict[str, str]:
-    """The files and gains of each airframe that the plant flies or knows the lags of, as SHA-256."""
-    if s.plant != "jsbsim" and (s.plant != "lagged" or s.lags.source == "table"):
+    """The files and gains of each airframe the plant flies or a prediction knows the lags of, as SHA-256."""
+    lags = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
+    if s.plant != "jsbsim" and not lags:
         return {}
     return {airframe.name: airframe.fingerprint() for airframe in airframes(s)}
 
