@@ -226,11 +226,12 @@ def airframes(s: Scenario) -> list[Any]:
 
 
 def airframe_hashes(s: Scenario, loaded: Sequence[Any] = ()) -> dict[str, str]:
-    """The files and gains of each airframe that the plant flies or knows the lags of, as SHA-256.
+    """The files and gains of each airframe the plant flies or a prediction knows the lags of, as SHA-256.
 
     loaded  `airframes(s)`, where they have been loaded
     """
-    if s.plant != "jsbsim" and (s.plant != "lagged" or s.lags.source == "table"):
+    lags = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
+    if s.plant != "jsbsim" and not lags:
         return {}
     known = {airframe.name: airframe for airframe in loaded or airframes(s)}
     return {name: airframe.fingerprint() for name, airframe in known.items()}

@@ -68,6 +68,9 @@ def test_a_prediction_by_identified_lags_knows_the_airframe(wing: Path) -> None:
     unicycle, predicting = key(*settings), key(*settings, "predict_lags=true")
     touch(wing / "airframe.toml", "time_constant_s = ", "time_constant_s = 1")
     assert key(*settings, "predict_lags=true") != predicting
+    # and a manifest names it
+    s = load("paper-2-turn", [*settings, "predict_lags=true"])
+    assert list(identity.catalogue.airframe_hashes(s)) == ["wing"]
     # A unicycle that predicts nothing has no airframe.
     assert key(*settings) == unicycle
 

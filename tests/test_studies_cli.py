@@ -21,8 +21,10 @@ def test_the_ladder_writes_a_row_per_run_and_an_account(
     assert "6-DOF" in text and "interaction" in text
     table = pd.read_csv(out / "ladder.csv")
     assert set(table.seed) == {1, 2} and {"unicycle", "lags", "6-DOF", "loss"} <= set(table.rung)
-    account = json.loads((out / "ladder.json").read_text())["distance_m"]
-    assert set(account) == {"total", "interaction"}
+    said = json.loads((out / "ladder.json").read_text())
+    assert set(said["distance_m"]) == {"total", "interaction"}
+    # What made it: the page shows it, too.
+    assert len(said["airframes"]["x8"]) == 64 and "jsbsim" in said["versions"]
     assert (out / "ladder.png").stat().st_size > 10_000
 
 

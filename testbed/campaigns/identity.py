@@ -53,16 +53,13 @@ class AirframeHashes:
     """What a run has of airframes' files and gains, read once for each set of airframes."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, ...], dict[str, str]] = {}
+        self._known: dict[Any, dict[str, str]] = {}
 
     def of(self, s: Scenario) -> dict[str, str]:
         """Airframe -> SHA-256; empty where neither the plant nor a prediction knows an airframe."""
-        lags = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
-        if s.plant != "jsbsim" and not lags:
-            return {}
-        key = tuple(s.airframes)
+        key = (s.plant, s.lags.source, s.remedy.predict_lags, s.vehicles, *s.airframes)
         if key not in self._known:
-            self._known[key] = {a.name: a.fingerprint() for a in catalogue.airframes(s)}
+            self._known[key] = catalogue.airframe_hashes(s)
         return self._known[key]
 
 

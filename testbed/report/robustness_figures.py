@@ -83,7 +83,8 @@ def margin(found: Margin, folder: Path) -> list[Path]:
             )
         a.axhline(100 * found.target_rate, **LIMIT)
         a.set(ylabel="runs that lose Ds [%], 95 % interval")
-        a.legend(loc="best")
+        # Above the panels: within, it hides an interval of one knob or another.
+        figure.legend(loc="outside upper center", ncols=3)
         swept = sorted((p for p in found.points if p.stage == "sweep"), key=lambda p: p.setting)
         time = cost.twinx()
         time.grid(False)

@@ -34,10 +34,8 @@ def write(result: Falsified, out: Path, overwrite: bool) -> Found:
         entry = again.guarantee(result.guarantee)
         if entry["value"] != shown.value:
             raise RuntimeError(f"flown again, {result.guarantee} is {entry['value']!r}, not {shown.value!r}")
-        data = account(result, shown, out) | {
-            "margin_unit": entry["unit"],
-            "versions": again.manifest["versions"],
-        }
+        data = account(result, shown, out) | {"margin_unit": entry["unit"]}
+        data |= {name: again.manifest[name] for name in ("versions", "airframes")}
         parts = [("search", result.search)] + ([("shrink", result.shrinks)] if result.shrinks else [])
         rows = [{"part": part} | _flight(f) for part, flights in parts for f in flights.flown]
         pd.DataFrame(rows).to_csv(folder / "flights.csv", index=False)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from testbed import catalogue
 from testbed.errors import UserError, nearest
 from testbed.report import robustness_figures as figures
 from testbed.report.page import reported
@@ -66,7 +67,7 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
         with reported(out, overwrite) as folder:
             table.to_csv(folder / "ladder.csv", index=False)
             ladders.summary(table, rungs).to_csv(folder / "rungs.csv", index=False)
-            write_json(folder / "ladder.json", data | {"scenario": s.model_dump(mode="json")})
+            write_json(folder / "ladder.json", data | _provenance(s, "jsbsim"))
             figures.ladder(table, distance, h, s.d_safe_m, folder)
     return Found(
         out,
@@ -114,10 +115,7 @@ def compare_remedies(
         with reported(out, overwrite) as folder:
             runs.to_csv(folder / "runs.csv", index=False)
             table.to_csv(folder / "remedies.csv", index=False)
-            write_json(
-                folder / "remedies.json",
-                {"seeds": [seeds[0], seeds[-1]], "scenario": s.model_dump(mode="json")},
-            )
+            write_json(folder / "remedies.json", {"seeds": [seeds[0], seeds[-1]]} | _provenance(s, s.plant))
             figures.remedies(table, s.d_safe_m, folder)
     rows = [
         {
@@ -152,7 +150,7 @@ def margin(
         data = found.as_dict() | {"sentence": margins.sentence(found)}
         with reported(out, overwrite) as folder:
             curve.to_csv(folder / "curve.csv", index=False)
-            write_json(folder / "margin.json", data | {"scenario": s.model_dump(mode="json")})
+            write_json(folder / "margin.json", data | _provenance(s, s.plant))
             figures.margin(found, folder)
     rows = [
         {
@@ -183,7 +181,10 @@ def answer(
         with reported(out, overwrite) as folder:
             table.to_csv(folder / "answer.csv", index=False)
             (folder / "answer.md").write_text(answers.markdown(table), encoding="utf-8")
-            write_json(folder / "answer.json", {"seeds": {str(n): k for n, k in each.items()}})
+            asked = {"seeds": {str(n): k for n, k in each.items()}, "versions": catalogue.versions()}
+            hashes = [catalogue.airframe_hashes(s) for s in made.values()]
+            asked["airframes"] = {name: sha for of in hashes for name, sha in of.items()}
+            write_json(folder / "answer.json", asked)
             figures.answer(table, folder)
     rows = [
         {
@@ -202,6 +203,15 @@ def answer(
 
 def _mean(m: Mean | None) -> str:
     return str(m) if m is not None else ""
+
+
+def _provenance(s: Scenario, plant: str) -> dict[str, Any]:
+    """What the numbers depend on, besides the code; `plant` knows the airframes."""
+    return {
+        "scenario": s.model_dump(mode="json"),
+        "versions": catalogue.versions(),
+        "airframes": catalogue.airframe_hashes(s.model_copy(update={"plant": plant})),
+    }
 
 
 def _hundredths(value: float | None) -> float | None:
