@@ -150,9 +150,10 @@ def test_a_violation_painted_over(lagged: Path, tmp_path: Path, name: str) -> No
     "name", ["separation", "safe-set", "barrier-condition", "zcbf-condition", "rows-satisfied", "gradient",
              "off-the-kink", "manoeuvre-keeps-Ds"]
 )  # fmt: skip
-def test_claims_of_one_vehicle_on_others(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("fields", [{"verdict": HOLDS}, {"value": 1.0}], ids=str)
+def test_claims_of_one_vehicle_on_others(name: str, fields: dict[str, Any], tmp_path: Path) -> None:
     run(load("paper-2-turn", [*NEAR, "vehicles=1", "duration_s=0.5"]), tmp_path / "run")
-    edit_entry(tmp_path / "run", name, verdict=HOLDS)
+    edit_entry(tmp_path / "run", name, **fields)
     seal(tmp_path / "run")
     assert differing(tmp_path / "run") == {name}
 
