@@ -292,6 +292,23 @@ def test_promises_of_manoeuvres_are_those_of_the_recorded_poses(lagged: Path, tm
         assert differing(folder) == {"manoeuvre-keeps-Ds"}
 
 
+@pytest.mark.parametrize(("key", "by"), [("h", 60.0), ("promised_m", 1e-3)])
+def test_promises_between_recorded_instants_are_near_those_around(
+    tmp_path: Path, key: str, by: float
+) -> None:
+    run(load("paper-2-turn", [*NEAR[:4], "record_dt_s=0.4", "plant=lagged"]), tmp_path / "run")
+    assert differing(tmp_path / "run") == set()
+    e = entry(tmp_path / "run", "manoeuvre-keeps-Ds")
+    branch = next(b for b in e["detail"]["branches"] if (b["t_s"] + 0.01) % 0.4 > 0.02)
+    branch[key] += by
+    if key == "h":
+        branch["promised_m"] += by
+        branch["short_m"] += by
+    edit_entry(tmp_path / "run", "manoeuvre-keeps-Ds", detail=e["detail"])
+    seal(tmp_path / "run")
+    assert differing(tmp_path / "run") == {"manoeuvre-keeps-Ds"}
+
+
 def test_the_worst_manoeuvres_left_out(lagged: Path, tmp_path: Path) -> None:
     folder = copied(lagged, tmp_path / "x")
     e = entry(folder, "manoeuvre-keeps-Ds")
