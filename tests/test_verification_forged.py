@@ -158,6 +158,27 @@ def test_claims_of_one_vehicle_on_others(name: str, fields: dict[str, Any], tmp_
     assert differing(tmp_path / "run") == {name}
 
 
+def test_the_start_of_one_vehicle_is_safe(tmp_path: Path) -> None:
+    run(load("paper-2-turn", [*NEAR, "vehicles=1", "duration_s=0.5"]), tmp_path / "run")
+    edit_entry(tmp_path / "run", "start-safe", verdict=PREMISE)
+    seal(tmp_path / "run")
+    assert differing(tmp_path / "run") == {"start-safe"}
+
+
+@pytest.mark.parametrize("vehicle", [1, 9])
+def test_who_was_altered_most(tmp_path: Path, vehicle: int) -> None:
+    """Of two that meet and one that passes far off."""
+    places = "places=[" + ", ".join(
+        f"{{x_m={x}, y_m={y}, course_deg={c}, goal_x_m={-x}, goal_y_m={y}}}"
+        for x, y, c in ((0, 500, 0), (-60, 0, 0), (60, 0, 180))
+    ) + "]"  # fmt: skip
+    run(load("paper-2-turn", [*NEAR[1:], "vehicles=3", "start.pattern=list", places]), tmp_path / "run")
+    assert entry(tmp_path / "run", "intervention")["value"] > 0.0 and differing(tmp_path / "run") == set()
+    edit_entry(tmp_path / "run", "intervention", vehicles=[vehicle])
+    seal(tmp_path / "run")
+    assert differing(tmp_path / "run") == {"intervention"}
+
+
 def test_an_unsafe_start_called_safe(tmp_path: Path) -> None:
     run(load("paper-2-turn", [*NEAR, "radius_m=7", "duration_s=0.5"]), tmp_path / "run", force=True)
     assert entry(tmp_path / "run", "start-safe")["verdict"] == PREMISE
@@ -225,6 +246,14 @@ def test_no_solution_claimed_where_there_is_one(kind: str, tmp_path: Path) -> No
     edit_table(painted, "vehicles", lambda table: table.assign(qp_status="infeasible"))
     seal(painted)
     assert differing(painted) >= {"no-solutions", "qp_status"}
+
+
+@pytest.mark.parametrize("fields", [{"t_s": 0.5}, {"vehicles": [9]}], ids=str)
+def test_the_first_failure(crowd: Path, tmp_path: Path, fields: dict[str, Any]) -> None:
+    folder = copied(crowd, tmp_path / "x")
+    edit_entry(folder, "qp-feasibility", **fields)
+    seal(folder)
+    assert differing(folder) == {"qp-feasibility"}
 
 
 @pytest.mark.parametrize("detail", [{"in_safe_set": 1}, {"infeasible": 1, "in_safe_set": 0}], ids=str)
