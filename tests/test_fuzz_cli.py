@@ -35,7 +35,8 @@ COMMANDS = [
     ["compare", "none", "--plants=unicycle"], ["remedies", "none"], ["margin", "none"], ["figures"],
     ["answer", "--vehicles=x"], ["tune", "none"], ["list"], ["schema"], ["aircraft", "list"],
     ["aircraft", "check"], ["aircraft", "describe", "none"], ["report", "none"], ["export", "none"],
-    ["campaign", "run", "none"], ["campaign", "status", "none"], ["ledger", "none"], ["falsify", "none"], [],
+    ["campaign", "run", "none"], ["campaign", "status", "none"], ["ledger", "none"], ["falsify", "none"],
+    ["verify", "none"], [],
 ]  # fmt: skip
 
 

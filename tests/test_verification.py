@@ -138,6 +138,20 @@ def test_a_thin_record_decides_what_it_can_and_says_what_it_cannot(plant: str, t
         assert "separation" in differing(forged)
 
 
+@pytest.mark.parametrize("plant", ["unicycle", "lagged", pytest.param("jsbsim", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("record_s", [0.1, 0.4, 1.0])
+def test_a_thin_record_raises_no_alarm(plant: str, record_s: float, tmp_path: Path) -> None:
+    overrides = [
+        *NEAR[1:4],
+        "duration_s=8",
+        "radius_m=110",
+        f"record_dt_s={record_s}",
+        "manoeuvre_instants=3",
+    ]
+    run(load("paper-2-turn", [*overrides, f"plant={plant}"]), tmp_path / "run")
+    assert differing(tmp_path / "run") == set()
+
+
 @pytest.mark.slow
 def test_a_margin_far_from_its_bound_is_decided_by_a_thin_record(tmp_path: Path) -> None:
     run(load("paper-2-turn", [*NEAR, "plant=jsbsim", "duration_s=1", "record_dt_s=0.1"]), tmp_path / "run")

@@ -150,11 +150,33 @@ def test_a_violation_painted_over(lagged: Path, tmp_path: Path, name: str) -> No
     "name", ["separation", "safe-set", "barrier-condition", "zcbf-condition", "rows-satisfied", "gradient",
              "off-the-kink", "manoeuvre-keeps-Ds"]
 )  # fmt: skip
-def test_claims_of_one_vehicle_on_others(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("fields", [{"verdict": HOLDS}, {"value": 1.0}], ids=str)
+def test_claims_of_one_vehicle_on_others(name: str, fields: dict[str, Any], tmp_path: Path) -> None:
     run(load("paper-2-turn", [*NEAR, "vehicles=1", "duration_s=0.5"]), tmp_path / "run")
-    edit_entry(tmp_path / "run", name, verdict=HOLDS)
+    edit_entry(tmp_path / "run", name, **fields)
     seal(tmp_path / "run")
     assert differing(tmp_path / "run") == {name}
+
+
+def test_the_start_of_one_vehicle_is_safe(tmp_path: Path) -> None:
+    run(load("paper-2-turn", [*NEAR, "vehicles=1", "duration_s=0.5"]), tmp_path / "run")
+    edit_entry(tmp_path / "run", "start-safe", verdict=PREMISE)
+    seal(tmp_path / "run")
+    assert differing(tmp_path / "run") == {"start-safe"}
+
+
+@pytest.mark.parametrize("vehicle", [1, 9])
+def test_who_was_altered_most(tmp_path: Path, vehicle: int) -> None:
+    """Of two that meet and one that passes far off."""
+    places = "places=[" + ", ".join(
+        f"{{x_m={x}, y_m={y}, course_deg={c}, goal_x_m={-x}, goal_y_m={y}}}"
+        for x, y, c in ((0, 500, 0), (-60, 0, 0), (60, 0, 180))
+    ) + "]"  # fmt: skip
+    run(load("paper-2-turn", [*NEAR[1:], "vehicles=3", "start.pattern=list", places]), tmp_path / "run")
+    assert entry(tmp_path / "run", "intervention")["value"] > 0.0 and differing(tmp_path / "run") == set()
+    edit_entry(tmp_path / "run", "intervention", vehicles=[vehicle])
+    seal(tmp_path / "run")
+    assert differing(tmp_path / "run") == {"intervention"}
 
 
 def test_an_unsafe_start_called_safe(tmp_path: Path) -> None:
@@ -226,6 +248,14 @@ def test_no_solution_claimed_where_there_is_one(kind: str, tmp_path: Path) -> No
     assert differing(painted) >= {"no-solutions", "qp_status"}
 
 
+@pytest.mark.parametrize("fields", [{"t_s": 0.5}, {"vehicles": [9]}], ids=str)
+def test_the_first_failure(crowd: Path, tmp_path: Path, fields: dict[str, Any]) -> None:
+    folder = copied(crowd, tmp_path / "x")
+    edit_entry(folder, "qp-feasibility", **fields)
+    seal(folder)
+    assert differing(folder) == {"qp-feasibility"}
+
+
 @pytest.mark.parametrize("detail", [{"in_safe_set": 1}, {"infeasible": 1, "in_safe_set": 0}], ids=str)
 def test_details_of_failures(crowd: Path, tmp_path: Path, detail: dict[str, int]) -> None:
     folder = copied(crowd, tmp_path / "x")
@@ -289,6 +319,23 @@ def test_promises_of_manoeuvres_are_those_of_the_recorded_poses(lagged: Path, tm
         edit_entry(folder, "manoeuvre-keeps-Ds", detail=e["detail"])
         seal(folder)
         assert differing(folder) == {"manoeuvre-keeps-Ds"}
+
+
+@pytest.mark.parametrize(("key", "by"), [("h", 60.0), ("promised_m", 1e-3)])
+def test_promises_between_recorded_instants_are_near_those_around(
+    tmp_path: Path, key: str, by: float
+) -> None:
+    run(load("paper-2-turn", [*NEAR[:4], "record_dt_s=0.4", "plant=lagged"]), tmp_path / "run")
+    assert differing(tmp_path / "run") == set()
+    e = entry(tmp_path / "run", "manoeuvre-keeps-Ds")
+    branch = next(b for b in e["detail"]["branches"] if (b["t_s"] + 0.01) % 0.4 > 0.02)
+    branch[key] += by
+    if key == "h":
+        branch["promised_m"] += by
+        branch["short_m"] += by
+    edit_entry(tmp_path / "run", "manoeuvre-keeps-Ds", detail=e["detail"])
+    seal(tmp_path / "run")
+    assert differing(tmp_path / "run") == {"manoeuvre-keeps-Ds"}
 
 
 def test_the_worst_manoeuvres_left_out(lagged: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from testbed.verification.pair_claims import Pairs, unicycle
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.rows import Rows
 from testbed.verification.scene import arc, box, knows_itself, nominal, start
-from testbed.verification.way import Way
+from testbed.verification.way import Way, resolved
 
 ROUNDING = 1e-6
 OVERRIDE = 1e-6
@@ -109,16 +109,15 @@ def _motion(run: Recorded, way: Way) -> Finding:
 def _strays(run: Recorded, way: Way, velocity: Array, dt: Array) -> Array:
     """How far the mean of two velocities may be from the flight between them (T - 1, N) [m].
 
-    On a unicycle velocities jump. Elsewhere they bend: by a twelfth of the second difference, where neither
-    gusts nor noise shake them (a tenth at most in runs of both airframes), and otherwise by what they change.
+    An aircraft's velocity bends by a twelfth of its second difference (a tenth at most in runs of both
+    airframes); where gusts and noise shake it, by what it changes around. Else it may be all that is allowed.
     """
-    if unicycle(run):
-        change = 2.0 * (way.stray[:, : run.position.shape[1]] / dt)
-        return np.asarray((change + np.linalg.norm(np.diff(velocity, axis=0), axis=-1)) * dt + ROUNDING)
-    s = run.scenario
-    shaken = s["gusts"]["intensity"] != "none" or s["gusts"]["jsbsim_turbulence"] != "none"
-    shaken = shaken or s["gusts"]["sigma_mps"] or not knows_itself(s) or "plant" in run.parts
-    if shaken or len(velocity) < 3:
+    s, change = run.scenario, np.linalg.norm(np.diff(velocity, axis=0), axis=-1)
+    if not resolved(run):
+        return np.asarray(2.0 * way.stray[: len(change)] + change * dt + ROUNDING)
+    gusts = s["gusts"]
+    shaken = gusts["intensity"] != "none" or gusts["jsbsim_turbulence"] != "none" or gusts["sigma_mps"]
+    if shaken or s["plant"] != "jsbsim" or not knows_itself(s) or len(velocity) < 3:
         return np.asarray((way.changing + 1e-3) * dt)
     bend = np.linalg.norm(np.diff(velocity, 2, axis=0), axis=-1)
     around = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))

@@ -166,6 +166,12 @@ class Judge:
         elif values.floor is None or e["t_s"] is None or e["vehicles"] not in values.who:
             self.wrong.append(f"nothing counts at {_short(e['t_s'])} s of {e['vehicles']}")
 
+    def nothing(self, own: str, verdict: str = OTHER) -> Finding:
+        """There is nothing to report, and the entry says so."""
+        self.expect("value", self.entry["value"], None)
+        self.expect("verdict", self.entry["verdict"], verdict)
+        return self.done(own)
+
     def done(self, own: str, within: float | None = None, open_: bool = False, why: str = "") -> Finding:
         """The finding, when everything was compared; `open_`: nothing speaks against it, nor decides it."""
         e = self.entry

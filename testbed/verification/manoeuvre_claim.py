@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.verification.finding import OTHER, PREMISE, Finding, Judge
+from testbed.verification.finding import PREMISE, Finding, Judge
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.pair_claims import H_ALLOWED, Pairs, unicycle
 from testbed.verification.recorded import Array
@@ -23,11 +23,10 @@ def manoeuvre_keeps(pairs: Pairs | None, judge: Judge) -> Finding:
     """Promises are those of the recorded poses, the verdict is that of the numbers; see the module."""
     run, e = judge.run, judge.entry
     s = run.scenario
-    if pairs is None or s["barrier"]["pairs"] or s["barrier"]["kind"] == "euclidean":
-        judge.expect("verdict", e["verdict"], OTHER)
-        return judge.done(
-            "no one manoeuvre", None, bool(run.i.size and pairs is None), "of a kind we do not fly"
-        )
+    if not run.i.size or s["barrier"]["pairs"] or s["barrier"]["kind"] == "euclidean":
+        return judge.nothing("no one manoeuvre")
+    if pairs is None:
+        return judge.done("unknown", None, True, "a manoeuvre that we do not fly")
     branches: list[dict[str, Any]] = e["detail"].get("branches", [])
     _placed(judge, [b["t_s"] for b in branches])
     unseen = [b for b in branches if not _promise(pairs, judge, b)]
@@ -143,8 +142,7 @@ def _verdict(judge: Judge, branches: list[dict[str, Any]]) -> None:
     e, d_safe = judge.entry, judge.run.scenario["d_safe_m"]
     safe = [b for b in branches if b["safe_pairs"]]
     if not safe:
-        judge.expect("value", e["value"], None)
-        judge.expect("verdict", e["verdict"], PREMISE)
+        judge.nothing("none", PREMISE)
         return
     worst = min(safe, key=lambda b: b["least_m"])
     judge.expect("value", e["value"], worst["least_m"])

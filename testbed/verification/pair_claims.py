@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from testbed.verification.finding import OTHER, PREMISE, Finding, Judge, Values
+from testbed.verification.finding import PREMISE, Finding, Judge, Values
 from testbed.verification.future import Flown, Pose, fly_on, manoeuvre
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.scene import Scenario, alpha, arc, box, inside, steepness
@@ -164,13 +164,9 @@ class Pairs:
     def _kink(self, judge: Judge) -> Finding:
         s, z, b = self.s, self.now.harmonic, self.s["barrier"]
         if b["kind"] != "turn" or not b["shared"] or s["filter"]["kind"] not in SOLVING:
-            judge.expect("value", judge.entry["value"], None)
-            judge.expect("verdict", judge.entry["verdict"], OTHER)
-            return judge.done("no kink, or nothing binds")
+            return judge.nothing("no kink, or nothing binds")
         if b["smoothing_m2"] > 0:
-            judge.expect("value", judge.entry["value"], None)
-            judge.expect("verdict", judge.entry["verdict"], judge.verdict(True))
-            return judge.done("smoothed")
+            return judge.nothing("smoothed", judge.verdict(True))
         assert z is not None
         before = self._before(z)
         if before is None:

@@ -14,6 +14,8 @@ from testbed.verification.recorded import Array, Recorded
 from testbed.verification.scene import arc, box
 
 ROUNDING = 1e-6
+# The longest recording period that shows how an aircraft's velocity changes: rolls take two of it [s].
+RESOLVED_S = 0.1 + 1e-9
 
 
 @dataclass(frozen=True)
@@ -47,12 +49,12 @@ class Way:
     def stray(self) -> Array:
         """(S - 1, N) m: how far from the chord a vehicle may have been between two instants.
 
-        A unicycle's speeds and rates jump: they are taken to stay within the limits and what was recorded.
-        Elsewhere velocities are taken to vary by no more than twice what they do over the intervals around.
+        Where the record resolves the motion, velocities are taken to vary by no more than twice what they do
+        over the intervals around; elsewhere speeds and rates to stay within the limits and what was recorded.
         """
         run = self.run
         dt = np.diff(self.t)[:, None]
-        if not unicycle(run):
+        if resolved(run):
             return np.asarray(0.5 * dt * self.changing)
         low, high = box(run.scenario)
         seen = run.rates.reshape(-1, 3)
@@ -102,6 +104,14 @@ class Way:
     def apart(self) -> Array:
         """Offsets (S, P, 3) m of pairs."""
         return np.asarray(self.track[:, self.run.i] - self.track[:, self.run.j])
+
+
+def resolved(run: Recorded) -> bool:
+    """Whether what happens to velocities shows in the record: nothing that flies changes much in a tenth of a
+    second, but a command does."""
+    period = run.scenario["rates"]["record_dt_s"]
+    seen = run.scenario["plant"] == "jsbsim" or (run.complete and run.scenario["plant"] == "lagged")
+    return bool(period <= RESOLVED_S and seen and "plant" not in run.parts)
 
 
 def _lag(mean: Array, low: float, high: float) -> Array:
