@@ -75,6 +75,7 @@ def main() -> None:
     parser.add_argument("files", nargs="*", default=FILES)
     parser.add_argument("--seconds", type=float, default=20.0, help="of tests for each mutant")
     parser.add_argument("--slow", action="store_true", help="the tests marked slow, too")
+    parser.add_argument("--tests", nargs="*", default=TESTS, metavar="NAME", help="tests/test_NAME.py only")
     parser.add_argument("--share", type=float, default=1.0, help="of each file's mutants, drawn at random")
     parser.add_argument(
         "--seed", type=int, default=1, help="of that draw; a larger share contains a smaller one"
@@ -82,7 +83,7 @@ def main() -> None:
     parser.add_argument("--table", action="store_true", help="only what is known already")
     options = parser.parse_args()
     os.chdir(ROOT)
-    paths = [f"tests/test_{name}.py" for name in TESTS]
+    paths = [f"tests/test_{name}.py" for name in options.tests]
     record = Record(ROOT / "runs" / "mutants")
     found = {f: drawn(mutants.of_file(ROOT, f), options.share, options.seed) for f in options.files}
     if not options.table:
