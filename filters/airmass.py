@@ -103,7 +103,7 @@ def _airspeed(v_ground: Array, drift: Array) -> Array:
 def _ratio(v: Array, drift: Array) -> Array:
     """k = omega_a / omega_g at airspeeds v."""
     ahead = v + drift.real
-    return np.asarray(np.where(drift == 0, 1.0, (ahead**2 + drift.imag**2) / (v * ahead)))
+    return np.asarray((ahead**2 + drift.imag**2) / (v * ahead))
 
 
 def _smallest_ratio(v_min: Array, v_max: Array, drift: Array) -> Array:

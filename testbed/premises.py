@@ -7,7 +7,7 @@ import numpy as np
 from filters.barrier import Barrier, TurnBarrier
 from filters.unicycle import Command, Limits
 from testbed.guarantees import QP_FILTERS, Flown
-from testbed.verdicts import PREMISE, Entry, at_pair, decide_premise, entry
+from testbed.verdicts import Entry, at_pair, decide_premise, entry
 
 
 def premises(f: Flown, barrier: Barrier, limits: Limits, unflyable: list[str]) -> list[Entry]:
@@ -83,7 +83,6 @@ def _kink(f: Flown, barrier: Barrier) -> Entry:
     if np.isnan(at_pair(e, f.tally.kink, f.i, f.j, 1.0)):
         return e | {"why": "no row ever bound"}
     holds = e["value"] >= 1.0
-    e["verdict"] = PREMISE
     return decide_premise(e, holds, "" if holds else "one filter step can cross it")
 
 

@@ -21,6 +21,7 @@ from filters.barrier import (
 )
 from filters.pairs import NUMBERS, form_function
 from filters.rows import barrier_rows
+from filters.safety import SquaredRange
 from filters.unicycle import Command, State, step
 
 DS, V, OMEGA = 5.0, 16.0, 0.2042
@@ -104,6 +105,72 @@ def test_both_forms_have_known_values_and_slopes():
         assert one == (h[0], pytest.approx(slope[0]))
     with pytest.raises(ValueError, match=r"unknown form 'cube' of h; choose one of root, squared$"):
         form_function("cube")
+
+
+@pytest.mark.parametrize("delta", [0.0, 20.0])
+@pytest.mark.parametrize("omega", [0.2042, -0.15])
+def test_the_phasor_is_the_harmonic_of_the_squared_range_along_the_turn(delta, omega):
+    """rho(tau) - rho(0) = Re(Z (e^(1j omega tau) - 1)), whose kink in h is where Z is 0."""
+    barrier = TurnBarrier(16.0, omega, 5.0, delta=delta, sigma=[1.0, 1.2, 0.9])
+    rng = np.random.default_rng(50)
+    state = State(*rng.uniform(-80, 80, (2, 3)), rng.uniform(-4, 4, 3), rng.uniform(-5, 5, 3))
+    i, j = all_pairs(3)
+    safety, z = SquaredRange(delta), barrier.phasor(state)
+    for tau in (1.0, 6.0, 17.0):
+        later = step(state, barrier.manoeuvre(3), tau)
+        moved = safety.value(later[i], later[j]) - safety.value(state[i], state[j])
+        np.testing.assert_allclose(moved, (z * (np.exp(1j * omega * tau) - 1)).real, rtol=1e-9, atol=1e-7)
+    many = State.of(np.stack([state.array(), later.array()]))
+    np.testing.assert_array_equal(barrier.phasor(many)[0], z)
+
+
+def test_parameters_given_as_lists_are_kept_as_arrays():
+    turn, straight = TurnBarrier(16, 0.2, 5, sigma=[1, 2]), StraightBarrier([16, 17], 1, 5)
+    assert turn.sigma.tolist() == [1.0, 2.0] and turn.sigma.dtype == float
+    assert straight.v.tolist() == [16.0, 17.0] and straight.zeta.tolist() == [1.0, 1.0]
+    assert straight.v.dtype == straight.zeta.dtype == float
+
+
+def test_what_has_another_number_of_entries_than_there_are_vehicles_is_named():
+    three = State(np.arange(3.0) * 50, 0.0, 0.0, 0.0)
+    for name, barrier in (("sigma", TurnBarrier(16.0, 0.2, 5.0, sigma=[1.0, 1.1])),
+                          ("v", StraightBarrier([16.0, 17.0], 0.0, 5.0))):  # fmt: skip
+        for asked in (lambda b=barrier: b.manoeuvre(3), lambda b=barrier: b.values(three)):
+            with pytest.raises(ValueError, match=f"^{name} has 2 entries for 3 vehicles; give one each$"):
+                asked()
+
+
+@pytest.mark.parametrize("v", [0.0, -1.0, np.nan, np.inf])
+def test_a_speed_that_is_no_speed_is_refused(v):
+    with pytest.raises(ValueError, match="turn's speed v must be positive and finite"):
+        TurnBarrier(v, 0.2, 5.0)
+    with pytest.raises(ValueError, match="straight speeds v must be positive and finite"):
+        StraightBarrier([16.0, v], 0.0, 5.0)
+
+
+@pytest.mark.parametrize("name", ["delta", "smoothing"])
+@pytest.mark.parametrize("value", [-1e-9, np.nan, np.inf])
+def test_delta_and_smoothing_out_of_range_are_named(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must be finite and not negative, got {value} m.2"):
+        TurnBarrier(16.0, 0.2, 5.0, **{name: value})
+
+
+def test_parameters_of_two_axes_are_refused():
+    with pytest.raises(ValueError, match="sigma must be positive and finite, a number or one per vehicle"):
+        TurnBarrier(16.0, 0.2, 5.0, sigma=[[1.0, 1.1]])
+    with pytest.raises(ValueError, match="straight speeds v must be positive and finite, one per vehicle"):
+        StraightBarrier([[16.0, 17.0]], 0.0, 5.0)
+    with pytest.raises(ValueError, match="climb rates zeta must be finite, a number or one per vehicle"):
+        StraightBarrier([16.0, 17.0], [[0.0, 1.0]], 5.0)
+
+
+def test_slow_vehicles_and_opposite_climb_rates_are_no_equal_velocities():
+    assert StraightBarrier([0.5, 0.6], 0.0, 5.0).manoeuvre(2).v.tolist() == [0.5, 0.6]
+    assert StraightBarrier([16.0, 16.0], [1.0, -1.0], 5.0).manoeuvre(2).zeta.tolist() == [1.0, -1.0]
+    # relative to their speed, not to 1 m/s
+    StraightBarrier([0.01, 0.01 + 1e-10], 0.0, 5.0)
+    with pytest.raises(ValueError, match=r"vehicles 1 and 2 have equal straight speeds \(1000.0 m/s\)"):
+        StraightBarrier([1000.0, 1000.0 + 1e-7], 0.0, 5.0)
 
 
 def test_parallel_flight_keeps_its_distance_under_the_shared_turn():

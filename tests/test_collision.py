@@ -14,7 +14,7 @@ from filters.alpha import cubic, linear
 from filters.barrier import EuclideanBarrier, PairValues, StraightBarrier, TurnBarrier
 from filters.collision import CollisionFilter, Passthrough, Problem
 from filters.qp import Status
-from filters.rows import barrier_rows, limited_rows, observed_rows, shares
+from filters.rows import PerPair, barrier_rows, limited_rows, observed_rows, shares
 from filters.unicycle import Command, Limits, State, View
 
 OMEGA_MAX = np.deg2rad(13)
@@ -194,6 +194,117 @@ def test_a_bad_barrier_value_is_an_error_that_names_the_pair(mode, bad):
         )
 
 
+@dataclass(frozen=True)
+class Steep:
+    """A barrier with one bad or huge number in the gradient of its second pair."""
+
+    value: float
+    column: int
+    d_safe: float = 5.0
+
+    def values(self, state, i=None, j=None):
+        good = TURN.values(state, i, j)
+        grad = good.grad.copy()
+        grad[1, self.column] = self.value
+        return PairValues(good.i, good.j, good.h, grad)
+
+
+@pytest.mark.parametrize("column", [1, 2, 3, 5, 6, 7])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_bad_derivative_is_an_error_that_names_the_pair_whatever_it_is_a_derivative_by(bad, column):
+    state = safe_state(np.random.default_rng(14), 4)
+    with (
+        np.errstate(invalid="ignore"),
+        pytest.raises(FloatingPointError, match=r"vehicles 1 and 3 \(pair 2 of 6\) is not finite: h \d"),
+    ):
+        barrier_rows(Steep(bad, column), ALPHA, state)
+
+
+def test_numbers_whose_sum_is_not_finite_are_refused_naming_the_largest():
+    state = safe_state(np.random.default_rng(14), 4)
+    h = TURN.values(state).h
+
+    def alpha(h):
+        return np.where(np.arange(h.size) == 3, 1.7e308, 1.6e308)
+
+    with pytest.raises(FloatingPointError, match=r"vehicles 2 and 3 \(pair 4 of 6\) .*alpha\(h\) 1.7e\+308$"):
+        barrier_rows(TURN, alpha, state)
+    assert h.size == 6
+    infinite = np.where(np.arange(6) == 4, np.inf, 1.0)
+    with pytest.raises(FloatingPointError, match=r"vehicles 2 and 4 \(pair 5 of 6\)"):
+        barrier_rows(TURN, lambda h: infinite, state)
+
+
+def test_the_deviation_is_each_vehicles_largest_change_beyond_the_limits():
+    state = State([-25.0, 25.0, 4000.0], [0.5, -0.5, 0.0], [0.0, np.pi, 0.0], 0.0)
+    nominal = Command([22.0, 30.0, 30.0], [0.0, 0.0, 0.1], 0.0)
+    limits = Limits(np.full(3, 15.0), 25.0, [0.05, 0.2, 0.2], 3.9)
+    decision = CollisionFilter(TURN, ALPHA)(view_of(state), nominal, limits)
+    change = np.abs(decision.command.array() - limits.clip(nominal).array()).max(axis=1)
+    np.testing.assert_array_equal(decision.deviation, change)
+    assert decision.override.tolist() == [True, True, False] and change[2] == 0.0
+    assert 0.01 < change[0] != change[1] > 0.01
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_where_only_osqp_may_be_asked_nothing_else_is(mode, monkeypatch):
+    for name in ("attempt", "attempt_each"):
+        monkeypatch.setattr(f"filters.active_set.{name}", lambda *_: pytest.fail("not OSQP"))
+    state = State([-25.0, 25.0], [0.5, -0.5], [0.0, np.pi], 0.0)
+    decision = CollisionFilter(TURN, ALPHA, mode, solver="osqp")(
+        view_of(state), Command([22.0, 25.0], 0.0, 0.0), LIMITS
+    )
+    assert np.all(decision.status == Status.SOLVED) and np.all(decision.override)
+
+
+def test_commands_for_another_number_of_vehicles_are_refused():
+    state = safe_state(np.random.default_rng(15), 3)
+    with pytest.raises(ValueError, match=r"^3 vehicles need nominal commands of shape \(3,\), got \(2,\)$"):
+        CollisionFilter(TURN, ALPHA)(view_of(state), Command([20.0, 20.0], 0.0, 0.0), LIMITS)
+
+
+def test_barriers_per_pair_are_those_of_their_pairs_and_ds_is_the_largest():
+    rng = np.random.default_rng(22)
+    state = random_state(rng, 4)
+    each = [TurnBarrier(16.0, 0.1 + 0.02 * p, 5.0 + p) for p in range(6)]
+    together = PerPair(tuple(each))
+    assert together.d_safe == 10.0
+    values = together.values(state)
+    gamma_i, gamma_j = together.manoeuvres(values.i, values.j, 4)
+    for p, barrier in enumerate(each):
+        alone = barrier.values(state)
+        assert values.h[p] == alone.h[p]
+        np.testing.assert_array_equal(values.grad[p], alone.grad[p])
+        np.testing.assert_array_equal([gamma_i[p], gamma_j[p]], np.tile([16.0, 0.1 + 0.02 * p, 0.0], (2, 1)))
+    # the other way round it is the same pair, and some of them are these
+    some = together.values(state, np.array([3, 2]), np.array([1, 0]))
+    assert some.h == pytest.approx([each[4].values(state).h[4], each[1].values(state).h[1]])
+    with pytest.raises(ValueError, match=r"^barriers per pair have no common evading manoeuvre$"):
+        together.manoeuvre(4)
+    with pytest.raises(ValueError, match="Assumption 1"):
+        CollisionFilter(together, ALPHA)
+    with pytest.raises(
+        ValueError, match=r"^an empty list of barriers; give one for all pairs, or one per pair$"
+    ):
+        CollisionFilter([], ALPHA)
+
+
+def test_every_observers_rows_are_its_own_of_the_world_it_sees():
+    rng = np.random.default_rng(23)
+    n = 4
+    worlds = [random_state(rng, n) for _ in range(n)]
+    view = View(State.of([w.array() for w in worlds]), Command.of(np.tile([20.0, 0.0, 0.0], (n, n, 1))))
+    found = observed_rows(TURN, ALPHA, view)
+    for v, world in enumerate(worlds):
+        pairs = barrier_rows(TURN, ALPHA, world)
+        rows = limited_rows(pairs, *shares(TURN, pairs, n))
+        mine, seen = rows.vehicle == v, found.vehicle == v
+        expected = np.column_stack([rows.lie, rows.rhs])[mine]
+        got = np.column_stack([found.lie, found.rhs])[seen]
+        order = np.argsort(expected[:, 0]), np.argsort(got[:, 0])
+        np.testing.assert_allclose(got[order[1]], expected[order[0]], rtol=1e-9, atol=1e-9)
+
+
 def test_a_bad_nominal_command_is_an_error_that_names_the_vehicle():
     state = safe_state(np.random.default_rng(15), 3)
     with pytest.raises(ValueError, match="nominal command of vehicle 2"):
@@ -297,6 +408,7 @@ def test_passthrough_clips_and_claims_nothing():
     np.testing.assert_array_equal(decision.command.array(), LIMITS.clip(nominal).array())
     np.testing.assert_array_equal(decision.status, [Status.NONE] * 2)
     assert decision.pairs is None and decision.hdot_predicted.size == 0
+    assert decision.residual.tolist() == [0.0, 0.0] and decision.status.dtype.kind == "i"
 
 
 def test_limits_may_differ_between_vehicles():

@@ -405,7 +405,7 @@ def test_a_gradient_that_is_nearly_zero_at_the_boundary_voids_and_one_never_seen
 
 
 def test_the_kink_is_one_filter_step_away_at_least_or_the_premise_fails() -> None:
-    smooth = TurnBarrier(16.0, 0.2, 5.0, smoothing=30.0)
+    smooth = TurnBarrier(16.0, 0.2, 5.0, smoothing=0.5)
     tally = good_tally()
     for none in (premise(tally, "off-the-kink", barrier=EuclideanBarrier(5.0)),
                  premise(tally, "off-the-kink", "filter.kind=none")):  # fmt: skip

@@ -468,11 +468,13 @@ def test_the_wrapped_filter_sees_poses_and_rates_relative_to_the_air(wind):
 
 def test_without_wind_what_the_wrapped_filter_sees_is_the_same_to_the_last_bit():
     rng = rng_of(12)
-    view = View(random_state(rng, 5), random_rates(rng, 5))
+    view = View(random_state(rng, 50), random_rates(rng, 50))
     seen = Seen([], [])
     AirMass(seen, (0.0, 0.0))(view, view.rates, LIMITS)
     np.testing.assert_array_equal(seen.views[0].state.array(), view.state.array())
     np.testing.assert_array_equal(seen.views[0].rates.array(), view.rates.array())
+    np.testing.assert_array_equal(seen.nominals[0].array(), view.rates.array())
+    np.testing.assert_array_equal(seen.limits[0].omega_max, np.full(50, OMEGA_MAX))
 
 
 def test_a_vehicle_blown_backwards_faces_into_the_wind_and_shows_no_turn():

@@ -85,7 +85,7 @@ def test_rollout_agrees_with_a_fine_grid_for_mixed_manoeuvres():
 
 
 def test_gradient_agrees_with_differences_for_mixed_manoeuvres():
-    barrier = RolloutBarrier(MIXED, DS, SquaredRange(0.1))
+    barrier = RolloutBarrier(MIXED, DS, SquaredRange(5.0))
     state = random_state(np.random.default_rng(23), len(MIXED))
     analytic = barrier.values(state).grad
     differenced = ForwardDifference(barrier, 1e-6).values(state).grad
@@ -220,9 +220,10 @@ def test_climb_rates_that_nearly_agree_are_refused_with_the_remedy():
         (lambda: RolloutBarrier(Command([16.0, 0.0], 0.1, 0.0), DS), "finite v > 0"),
         (lambda: RolloutBarrier(Command([16.0, np.nan], 0.1, 0.0), DS), "finite v > 0"),
         (lambda: RolloutBarrier(MIXED, -1.0), "d_safe"),
-        (lambda: RolloutBarrier(MIXED, DS, form="cube"), "unknown form"),
+        (lambda: RolloutBarrier(MIXED, DS, form="cube"), "choose one of root, squared, plain$"),
         (lambda: RolloutBarrier(MIXED, DS, resolution=0.0), "resolution"),
-        (lambda: RolloutBarrier(MIXED, DS).manoeuvre(3), "gamma has 8"),
+        (lambda: RolloutBarrier(MIXED, DS, resolution=1.0), "resolution must lie between 0 and 1, got 1.0"),
+        (lambda: RolloutBarrier(MIXED, DS).manoeuvre(3), "gamma has 8 entries for 3 vehicles"),
     ],
 )
 def test_mistakes_are_refused_with_the_reason(make, reason):

@@ -21,7 +21,7 @@ import pytest
 from _pytest.runner import runtestprotocol
 
 from mutation import child
-from mutation.mutants import Mutant
+from mutation.mutants import Mutant, unchanged
 from mutation.record import Outcome, Record, version
 
 # s; a test may take this long and this many times its own time before it counts as hanging.
@@ -71,6 +71,11 @@ class Loop:
         gc.freeze()  # what is here is shared by all forks
         items = {item.nodeid: item for item in session.items}
         reached = self._reached(items)
+        for control in self._controls(reached):
+            tests = self.chosen(control, reached)
+            result, by = self._tried(control, [items[t] for t in tests], reached, functions, caches)
+            if result != "survived":
+                raise session.Failed(f"{control.file} {control.place}, unchanged: {result} {by}")
         for number, mutant in enumerate(self.mutants):
             tests = self.chosen(mutant, reached)
             of = version({t: reached[t] for t in tests})
@@ -83,6 +88,11 @@ class Loop:
             if number % 100 == 99:
                 print(f"{number + 1} of {len(self.mutants)}", file=sys.stderr, flush=True)
         return True
+
+    def _controls(self, reached: dict[str, Any]) -> list[Mutant]:
+        """Of every file one mutant's function as it is: what fails with it says nothing about mutants."""
+        first = {m.file: m for m in reversed(self.mutants) if self.chosen(m, reached)}
+        return [unchanged(self.root, file, m.place) for file, m in first.items()]
 
     def chosen(self, mutant: Mutant, reached: dict[str, Any]) -> list[str]:
         """The tests that reach the mutant's lines, in the order to try them."""
@@ -142,7 +152,10 @@ class Loop:
             return "survived", ""
 
         def work(allow: Callable[[float], None]) -> Any:
-            _put(mutant, functions[mutant.file, mutant.place], caches)
+            try:
+                _put(mutant, functions[mutant.file, mutant.place], caches)
+            except (LookupError, ValueError) as error:
+                return {"not put in": repr(error)}
             for k, item in enumerate(tests):
                 allow(PATIENCE + TIMES * reached[item.nodeid]["seconds"])
                 after = tests[k + 1] if k + 1 < len(tests) else None
@@ -151,6 +164,8 @@ class Loop:
             return None
 
         result = child.run(work, PATIENCE)
+        if isinstance(result, dict):
+            raise RuntimeError(f"{mutant.file} {mutant.place}: {result}")
         if result in ("timeout", "crash"):
             return result, ""
         return ("killed", result) if result else ("survived", "")

@@ -2,9 +2,9 @@
 
 A mutant of a function's body is the function's changed code, put into the living function. One of a module's
 constants or of a default is the whole file's changed source, since its value is copied at import; there only
-numbers, strings, True and False and operators are changed. So is one of what runs while a class is made.
-Annotations, decorators, triple-quoted strings, `len`, `isinstance` and `__all__` are left alone, and what
-compiles to the same instructions is no mutant.
+numbers, strings, True and False and operators are changed. So is one of what runs while a class is made, or
+of a function that uses super(). Annotations, decorators, triple-quoted strings, `len`, `isinstance` and
+`__all__` are left alone, and what compiles to the same instructions is no mutant.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 from types import CodeType
 
 import libcst as cst
+import libcst.matchers as matchers
 from libcst.metadata import MetadataWrapper, PositionProvider
 from mutmut.mutation.mutators import (
     mutation_operators,
@@ -65,6 +66,14 @@ def function_code(module: CodeType) -> CodeType:
     return next(c for c in module.co_consts if isinstance(c, CodeType))
 
 
+def unchanged(root: Path, file: str, place: str) -> Mutant:
+    """No mutant: the function as it is, put in the same way; no test may fail."""
+    changes = _Visitor()
+    MetadataWrapper(cst.parse_module((root / file).read_text(encoding="utf-8"))).visit(changes)
+    change = next(c for c in changes.changes if c.place == place)
+    return Mutant(file, change.lines, place, "", "", FUTURE + cst.Module([_bare(change.function)]).code, "")
+
+
 def of_file(root: Path, file: str) -> list[Mutant]:
     """All mutants of one file, in the order of its lines."""
     source = (root / file).read_text(encoding="utf-8")
@@ -102,6 +111,7 @@ class _Visitor(cst.CSTVisitor):
         self.names: list[str] = []
         self.function: cst.FunctionDef | None = None
         self.in_body = False
+        self.cell = False  # whether the function knows its class, which its code alone does not
         self.statement: cst.CSTNode | None = None
 
     def on_visit(self, node: cst.CSTNode) -> bool:
@@ -113,6 +123,7 @@ class _Visitor(cst.CSTVisitor):
             self.names.append(node.name.value)
             if isinstance(node, cst.FunctionDef):
                 self.function = node
+                self.cell = bool(matchers.findall(node, matchers.Name("super")))
         if self.function is not None and node is self.function.body:
             self.in_body = True
         self._change(node)
@@ -135,7 +146,7 @@ class _Visitor(cst.CSTVisitor):
                 continue
             spot = self.get_metadata(PositionProvider, self.statement or node)
             lines = (spot.start.line, spot.end.line)
-            alive = self.in_body and self.names[-1] != AT_IMPORT
+            alive = self.in_body and self.names[-1] != AT_IMPORT and not self.cell
             function, place = (self.function, ".".join(self.names)) if alive else (None, "")
             for mutated in _applied(operator, node):
                 self.changes.append(_Change(node, mutated, function, place, lines))
