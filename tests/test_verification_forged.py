@@ -296,6 +296,7 @@ def test_details(unicycle: Path, tmp_path: Path, name: str, key: str, value: Any
         ("promised_m", 1e-3),
         ("least_m", 1e-3),
         ("short_m", -1e-3),
+        ("short_m", 1e-3),
         ("safe_pairs", 1),
         ("t_s", 0.02),
     ],
