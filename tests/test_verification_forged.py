@@ -296,6 +296,7 @@ def test_details(unicycle: Path, tmp_path: Path, name: str, key: str, value: Any
         ("promised_m", 1e-3),
         ("least_m", 1e-3),
         ("short_m", -1e-3),
+        ("short_m", 1e-3),
         ("safe_pairs", 1),
         ("t_s", 0.02),
     ],
@@ -348,6 +349,23 @@ def test_the_worst_manoeuvres_left_out(lagged: Path, tmp_path: Path) -> None:
     edit_entry(folder, "manoeuvre-keeps-Ds", detail={"branches": good}, **fields)
     seal(folder)
     assert differing(folder) == {"manoeuvre-keeps-Ds"}
+
+
+def test_a_worst_manoeuvre_that_none_of_those_flown_is(unicycle: Path, tmp_path: Path) -> None:
+    folder = copied(unicycle, tmp_path / "x")
+    edit_entry(folder, "manoeuvre-keeps-Ds", value=entry(folder, "manoeuvre-keeps-Ds")["value"] + 1e-6)
+    seal(folder)
+    assert differing(folder) == {"manoeuvre-keeps-Ds"}
+
+
+def test_who_has_the_least_room_for_the_manoeuvre(tmp_path: Path) -> None:
+    run(
+        load("paper-2-turn", [*NEAR, "duration_s=0.5", "sigma=[1.0, 1.2]", "omega_degps=8"]), tmp_path / "run"
+    )
+    assert entry(tmp_path / "run", "manoeuvre-in-U")["vehicles"] == [1]
+    edit_entry(tmp_path / "run", "manoeuvre-in-U", vehicles=[2])
+    seal(tmp_path / "run")
+    assert differing(tmp_path / "run") == {"manoeuvre-in-U"}
 
 
 def test_a_fault_in_a_manoeuvre_is_no_pass(unicycle: Path, tmp_path: Path) -> None:
