@@ -6,13 +6,19 @@ import difflib
 from collections.abc import Iterable
 
 
+LONGEST_MESSAGE = 2000
+
+
 class UserError(Exception):
     """Bad input from a person: the command line prints it in one line and exits with code 2.
 
-    What it quotes of a file may be anything: line breaks and what a terminal obeys are shown as escapes.
+    What it quotes of a file may be anything: line breaks and what a terminal obeys are shown as escapes, and
+    beyond `LONGEST_MESSAGE` letters it is cut.
     """
 
     def __init__(self, message: str) -> None:
+        if len(message) > LONGEST_MESSAGE:
+            message = message[:LONGEST_MESSAGE] + "..."
         super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in message))
 
 

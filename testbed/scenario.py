@@ -186,7 +186,7 @@ def _explain(error: Any, model: type[Section]) -> str:
     message = error["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
     if error["type"] == "list_type":
-        message = f"write a list, such as {path}=[{error['input']!r}]"
+        message = f"write a list, such as {path}=[{short(repr(error['input']))}]"
     got = f", got {short(repr(error['input']))}" if path and not isinstance(error["input"], dict) else ""
     return f"{path}: {message}{got}" if path else message
 

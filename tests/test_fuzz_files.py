@@ -122,6 +122,11 @@ def test_numbers_of_hundreds_of_digits_are_refused_in_one_short_line(folder: Pat
     with pytest.raises(UserError, match="d_safe_m") as refused:
         plan.expand(*reversed(plan_of(path)))
     assert len(str(refused.value)) < 400
+    path.write_text(CAMPAIGN.replace("[1.0, 0.1]", "1" + 3000 * "0"))
+    with pytest.raises(UserError, match="normal: write a list") as refused:
+        file.load(str(path))
+    assert len(str(refused.value)) < 600
+    assert len(str(UserError("x" * 10_000))) < 2100
 
 
 def plan_of(path: Path) -> tuple[Scenario, file.Campaign]:
