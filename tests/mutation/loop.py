@@ -132,7 +132,7 @@ class Loop:
             known[nodeid] = seen | {"test": test, "sources": touched}
             if n % 100 == 99:
                 print(f"{n + 1} of {len(items)} tests traced", file=sys.stderr, flush=True)
-        self.record.keep_reached(known)
+        self.record.keep_reached(known, set(items))
         none: set[int] = set()
         return {
             t: seen | {"lines": defaultdict(lambda: none, {f: set(k) for f, k in seen["lines"].items()})}

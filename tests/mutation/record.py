@@ -63,7 +63,9 @@ class Record:
         known = json.loads(self._reached.read_text(encoding="utf-8"))
         return {t: seen for t, seen in known.items() if seen["sources"].items() <= sources.items()}
 
-    def keep_reached(self, known: dict[str, Any]) -> None:
+    def keep_reached(self, known: dict[str, Any], collected: set[str]) -> None:
+        for name, seen in known.items():
+            seen["collected"] = name in collected
         self._reached.write_text(json.dumps(known), encoding="utf-8")
 
     def quickest(self, file: str, seconds: float) -> tuple[list[str], str]:
