@@ -22,31 +22,11 @@ from _pytest.runner import runtestprotocol
 
 from mutation import child
 from mutation.mutants import Mutant, unchanged
-from mutation.record import Outcome, Record, version
+from mutation.record import Outcome, Record, version, weight
 
 # s; a test may take this long and this many times its own time before it counts as hanging.
 PATIENCE, TIMES = 4.0, 10.0
 TRACE_LIMIT = 60.0
-# A test of another module must be this much quicker to be tried before one of the mutant's own.
-FAR = 10.0
-# The test files whose subject a module is, where their name is another.
-DIRECT = {
-    "robust": "robust robust_scenario",
-    "airmass": "robust",
-    "predicted": "robust lags",
-    "safety": "rollout barrier",
-    "minimum": "rollout",
-    "pairs": "barrier",
-    "problem": "collision",
-    "qp": "qp qp_solvers",
-    "qp_each": "qp_solvers qp collision",
-    "active_set": "qp_solvers qp",
-    "infeasible": "qp_solvers qp",
-    "rows": "collision sensing",
-    "verdicts": "guarantees scorecard",
-    "guarantees": "guarantees scorecard",
-    "premises": "guarantees scorecard",
-}
 
 
 class Loop:
@@ -100,9 +80,7 @@ class Loop:
         lines = set(range(first, last + 1))
         kills = self.kills[mutant.file + mutant.place]
         tests = [t for t, seen in reached.items() if seen["passed"] and lines & seen["lines"][mutant.file]]
-        own = DIRECT.get(Path(mutant.file).stem, Path(mutant.file).stem).split()
-        near = {t for t in tests if Path(t.partition("::")[0]).stem.removeprefix("test_") in own}
-        tests.sort(key=lambda t: (-kills[t], reached[t]["seconds"] * (1.0 if t in near else FAR)))
+        tests.sort(key=lambda t: (-kills[t], reached[t]["seconds"] * weight(mutant.file, t)))
         spent, within = 0.0, []
         for t in tests:
             spent += reached[t]["seconds"]
