@@ -1,6 +1,7 @@
 """The navigation-function baseline: it seeks its goal, gives way, and stays inside the limits."""
 
 import re
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -162,6 +163,16 @@ def test_the_decision_carries_no_qp_and_no_pairs_and_is_clipped_to_the_limits():
     # of three columns the height is not used
     flat = NavigationFilter([[200, 0]], [[-200, 0]], speed=40.0, gain=100.0)
     np.testing.assert_array_equal(flat.goal, steer.goal)
+
+
+def test_the_defaults_are_the_settings_of_the_published_run():
+    steer = NavigationFilter([[0.0, 0.0]], [[1.0, 0.0]])
+    settings = {f.name: getattr(steer, f.name) for f in fields(steer) if f.name not in ("goal", "start")}
+    assert settings == {
+        "speed": 20.0, "gain": 0.6, "path_radius": 20.0, "path_gain": 20.0, "exponent": 0.2, "swirl": 0.08,
+        "vehicle_radius": 0.0, "vehicle_margin": 5.0, "disc_radius": 2000.0, "disc_margin": 5.0,
+        "sensing_range": 400.0, "step": 1.0,
+    }  # fmt: skip
 
 
 POSITIVE = ("speed", "path_radius", "exponent", "vehicle_margin", "disc_margin", "sensing_range", "step")
