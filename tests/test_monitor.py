@@ -38,7 +38,7 @@ def test_a_monitored_filter_flies_as_an_unmonitored_one(mode):
     np.testing.assert_array_equal(
         fly_circle(monitor, seconds=4).array(), fly_circle(plain, seconds=4).array()
     )
-    assert monitor.record.steps == 80
+    assert monitor.record.steps == 80 and monitor.boundary == 0.05
 
 
 def test_on_the_circle_theorems_3_and_4_hold_and_limited_communication_costs_more():
