@@ -50,7 +50,7 @@ class Loop:
         caches = [thing for thing in gc.get_objects() if isinstance(thing, _lru_cache_wrapper)]
         gc.freeze()  # what is here is shared by all forks
         items = {item.nodeid: item for item in session.items}
-        reached = self._reached(items)
+        reached = self._reached(items, caches)
         for control in self._controls(reached):
             tests = self.chosen(control, reached)
             result, by = self._tried(control, [items[t] for t in tests], reached, functions, caches)
@@ -89,7 +89,7 @@ class Loop:
             within.append(t)
         return within
 
-    def _reached(self, items: dict[str, pytest.Item]) -> dict[str, Any]:
+    def _reached(self, items: dict[str, pytest.Item], caches: list[Any]) -> dict[str, Any]:
         """Of every test: whether it passes, its time, and the lines it reaches in each file."""
         sources = {f: hashlib.sha256((self.root / f).read_bytes()).hexdigest()[:16] for f in self.files}
         known = self.record.reached(sources)
@@ -101,6 +101,9 @@ class Loop:
             paths = {str(self.root / f): f for f in self.files}
 
             def work(allow: Callable[[float], None], item: pytest.Item = item, paths: Any = paths) -> Any:
+                # What importing the tests has cached already, a test would not be seen to reach.
+                for cache in caches:
+                    cache.cache_clear()
                 return _traced(item, paths)
 
             seen = child.run(work, TRACE_LIMIT)
