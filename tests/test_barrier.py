@@ -92,13 +92,13 @@ def test_all_pairs_cannot_be_written():
 
 
 def test_both_forms_have_known_values_and_slopes():
-    m = np.array([36.0, 0.25, 0.0])
-    # Ds 5 m: the root is continued from m0 = (0.5 m)^2 with its slope there, 1 per metre
+    m = np.array([144.0, 1.0, 0.0])
+    # Ds 10 m: the root is continued from m0 = (1 m)^2 with its slope there, a half per metre
     for form, h, slope in (
-        ("root", [1.0, -4.5, -4.75], [1 / 12, 1.0, 1.0]),
-        ("squared", m - 25.0, np.ones(3)),
+        ("root", [2.0, -9.0, -9.5], [1 / 24, 0.5, 0.5]),
+        ("squared", m - 100.0, np.ones(3)),
     ):
-        got = form_function(form)(m, 5.0)
+        got = form_function(form)(m, 10.0)
         np.testing.assert_allclose(got[0], h)
         np.testing.assert_allclose(got[1], slope)
         one = form_function(form)(36.0, 5.0, NUMBERS)

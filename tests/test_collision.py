@@ -257,6 +257,11 @@ def test_where_only_osqp_may_be_asked_nothing_else_is(mode, monkeypatch):
     assert np.all(decision.status == Status.SOLVED) and np.all(decision.override)
 
 
+def test_the_shared_manoeuvre_a_filter_keeps_cannot_be_written():
+    with pytest.raises(ValueError, match="read-only"):
+        CollisionFilter(TURN, ALPHA).gamma(3)[0, 0] = 0.0
+
+
 def test_commands_for_another_number_of_vehicles_are_refused():
     state = safe_state(np.random.default_rng(15), 3)
     with pytest.raises(ValueError, match=r"^3 vehicles need nominal commands of shape \(3,\), got \(2,\)$"):

@@ -38,7 +38,7 @@ def test_a_monitored_filter_flies_as_an_unmonitored_one(mode):
     np.testing.assert_array_equal(
         fly_circle(monitor, seconds=4).array(), fly_circle(plain, seconds=4).array()
     )
-    assert monitor.record.steps == 80
+    assert monitor.record.steps == 80 and monitor.boundary == 0.05
 
 
 def test_on_the_circle_theorems_3_and_4_hold_and_limited_communication_costs_more():
@@ -260,6 +260,30 @@ def test_outside_the_safe_set_nothing_is_claimed_of_gamma_or_of_solvability():
     seen = monitor.record.checks
     for name in ("gamma_is_safe", "gamma_is_safe_limited", "solvable", "solvable_limited"):
         assert seen[name].checked == 0, name
+
+
+def test_what_was_not_solved_is_neither_compared_nor_blamed_on_the_theorems(monkeypatch):
+    view, nominal = crowd()
+    target, everyone = nominal.array(), np.full(4, int(Status.SOLVED))
+    apart = target + 0.5  # costs 12 times 0.25 more than nothing
+
+    def watch(status, status_limited):
+        monkeypatch.setattr(Problem, "centralised", lambda self, rows: (target, status, np.zeros(4)))
+        monkeypatch.setattr(Problem, "limited", lambda self, own: (apart, status_limited, np.zeros(4)))
+        monitor = Monitor(CollisionFilter(TURN, linear(0.2)))
+        monitor(view, nominal, LIMITS)
+        return monitor.record
+
+    record = watch(everyone, everyone)
+    assert (record.compared, record.cost, record.cost_limited) == (1, 0.0, 3.0)
+    assert record.checks["cheaper"].worst == 3.0
+    unsolved = np.where(np.arange(4) == 1, int(Status.INFEASIBLE), everyone)
+    record = watch(unsolved, everyone)
+    assert record.compared == record.checks["cheaper"].checked == record.checks["aligned"].checked == 0
+    assert record.checks["solvable"].failed == 1
+    record = watch(everyone, unsolved)
+    assert record.compared == 0 and record.checks["solvable_limited"].first == (0, (2,))
+    assert record.checks["limited_is_safe"].checked == 3  # the pairs without vehicle 2
 
 
 def test_the_monitor_solves_with_the_filters_own_solver(monkeypatch):

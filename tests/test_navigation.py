@@ -1,6 +1,7 @@
 """The navigation-function baseline: it seeks its goal, gives way, and stays inside the limits."""
 
 import re
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -102,7 +103,7 @@ def test_the_fade_is_two_parabolas_with_a_jump_between_them():
 
 NEAR = {
     "path_radius": 50.0, "path_gain": 3.0, "exponent": 0.7, "swirl": 0.3, "vehicle_radius": 4.0,
-    "vehicle_margin": 80.0, "disc_radius": 150.0, "disc_margin": 60.0, "sensing_range": 120.0, "step": 0.5,
+    "vehicle_margin": 80.0, "disc_radius": 150.0, "disc_margin": 60.0, "sensing_range": 120.0, "step": 0.4,
 }  # fmt: skip
 
 
@@ -122,14 +123,14 @@ def potential(place, vehicle, seen, goal, start, p):
 def test_the_gradient_is_that_of_the_potential_plus_the_swirl_of_every_vehicle_sensed(seed):
     rng, n, p = np.random.default_rng(seed), 4, NEAR
     place, goal, start = (rng.uniform(-70, 70, (n, 2)) @ [1, 1j] for _ in range(3))
-    height = np.array([0.0, 10.0, -20.0, 300.0])  # the last is out of everybody's range
+    height = np.array([0.0, 10.0, 300.0, 310.0])  # two by two, out of each other's range
     state = State(place.real, place.imag, rng.uniform(-3, 3, n), height)
     steer = NavigationFilter(*(np.stack([q.real, q.imag], axis=-1) for q in (goal, start)), **p)
     found = steer.gradient(view_of(state))
     for k in range(n):
         apart = np.hypot(abs(place - place[k]), height - height[k])
         sensed = [m for m in range(n) if m != k and apart[m] <= p["sensing_range"]]
-        assert len(sensed) == (0 if k == 3 else len(sensed))
+        assert set(sensed) <= {k ^ 1}
         east, west, north, south = (
             potential(place[k] + d * p["step"], k, place[sensed], goal, start, p) for d in (1, -1, 1j, -1j)
         )
@@ -164,6 +165,16 @@ def test_the_decision_carries_no_qp_and_no_pairs_and_is_clipped_to_the_limits():
     np.testing.assert_array_equal(flat.goal, steer.goal)
 
 
+def test_the_defaults_are_the_settings_of_the_published_run():
+    steer = NavigationFilter([[0.0, 0.0]], [[1.0, 0.0]])
+    settings = {f.name: getattr(steer, f.name) for f in fields(steer) if f.name not in ("goal", "start")}
+    assert settings == {
+        "speed": 20.0, "gain": 0.6, "path_radius": 20.0, "path_gain": 20.0, "exponent": 0.2, "swirl": 0.08,
+        "vehicle_radius": 0.0, "vehicle_margin": 5.0, "disc_radius": 2000.0, "disc_margin": 5.0,
+        "sensing_range": 400.0, "step": 1.0,
+    }  # fmt: skip
+
+
 POSITIVE = ("speed", "path_radius", "exponent", "vehicle_margin", "disc_margin", "sensing_range", "step")
 
 
@@ -181,6 +192,12 @@ def test_points_that_are_none_are_refused_by_name_and_shape(points):
         shape = re.escape(str(np.shape(points)))
         with pytest.raises(ValueError, match=rf"^{name} must be finite points .* got shape {shape}"):
             NavigationFilter(*given)
+
+
+def test_at_the_goal_where_nothing_is_downhill_the_course_is_held():
+    steer = NavigationFilter([[200.0, 0.0]], [[-200.0, 0.0]])
+    made = steer(view_of(State([200.0], [0.0], [0.5], [0.0])), Command([20.0], 0.1, 0.0), LIMITS)
+    np.testing.assert_array_equal(made.command.array(), [[20.0, 0.0, 0.0]])
 
 
 def test_goals_and_starts_must_match_and_be_finite():

@@ -223,7 +223,11 @@ def test_climb_rates_that_nearly_agree_are_refused_with_the_remedy():
         (lambda: RolloutBarrier(MIXED, DS, form="cube"), "choose one of root, squared, plain$"),
         (lambda: RolloutBarrier(MIXED, DS, resolution=0.0), "resolution"),
         (lambda: RolloutBarrier(MIXED, DS, resolution=1.0), "resolution must lie between 0 and 1, got 1.0"),
-        (lambda: RolloutBarrier(MIXED, DS).manoeuvre(3), "gamma has 8 entries for 3 vehicles"),
+        (lambda: RolloutBarrier(MIXED, DS).manoeuvre(3), "^gamma has 8 entries for 3 vehicles"),
+        (
+            lambda: RolloutBarrier(MIXED, DS).worst_time(State(np.zeros(3), 0.0, 0.0, 0.0)),
+            "^gamma has 8 entries for 3 vehicles",
+        ),
     ],
 )
 def test_mistakes_are_refused_with_the_reason(make, reason):
@@ -278,6 +282,33 @@ class Told(SquaredRange):
     def curvature(self, motion):
         self.motions.append(motion)
         return super().curvature(motion)
+
+
+@dataclass(frozen=True)
+class Mirrored:
+    """The squared range whose delta tilts with the second vehicle's course instead of the first's."""
+
+    delta: float
+
+    def value(self, a, b):
+        return SquaredRange(self.delta).value(b, a)
+
+    def gradient(self, a, b):
+        return np.roll(SquaredRange(self.delta).gradient(b, a), 4, axis=-1)
+
+    def reach(self, value):
+        return SquaredRange(self.delta).reach(value)
+
+    def curvature(self, motion):
+        return SquaredRange().curvature(motion) + 2 * self.delta * motion.rate_j**2
+
+
+def test_with_the_vehicles_exchanged_a_mirrored_safety_function_gives_the_same():
+    state, swap = random_state(np.random.default_rng(34), 2, 60.0), [1, 0]
+    one = RolloutBarrier(MIXED[:2], DS, SquaredRange(9.0)).values(state)
+    other = RolloutBarrier(MIXED[swap], DS, Mirrored(9.0)).values(state[swap])
+    np.testing.assert_allclose(other.h, one.h, rtol=1e-9)
+    np.testing.assert_allclose(np.roll(other.grad, 4, axis=-1), one.grad, rtol=1e-6, atol=1e-9)
 
 
 def test_the_motion_a_safety_function_is_told_is_that_of_the_vehicles():

@@ -84,7 +84,7 @@ def test_clip_is_the_nearest_point_of_the_box_and_nan_is_outside():
     limits = Limits(15.0, 25.0, 0.2, 3.9)
     clipped = limits.clip(Command([10.0, 20.0], [0.5, -0.1], [-9.0, 1.0]))
     np.testing.assert_array_equal(clipped.array(), [[15, 0.2, -3.9], [20, -0.1, 1]])
-    assert limits.contains(clipped).all()
+    assert limits.contains(clipped).all() and not limits.contains(Command(25.5, 0.0, 0.0))
     assert not limits.contains(Command(np.nan, 0.0, 0.0))
     assert limits.contains(Command(25.0 + 1e-9, 0.0, 0.0), tolerance=1e-8)
 

@@ -22,31 +22,11 @@ from _pytest.runner import runtestprotocol
 
 from mutation import child
 from mutation.mutants import Mutant, unchanged
-from mutation.record import Outcome, Record, version
+from mutation.record import Outcome, Record, version, weight
 
 # s; a test may take this long and this many times its own time before it counts as hanging.
 PATIENCE, TIMES = 4.0, 10.0
 TRACE_LIMIT = 60.0
-# A test of another module must be this much quicker to be tried before one of the mutant's own.
-FAR = 10.0
-# The test files whose subject a module is, where their name is another.
-DIRECT = {
-    "robust": "robust robust_scenario",
-    "airmass": "robust",
-    "predicted": "robust lags",
-    "safety": "rollout barrier",
-    "minimum": "rollout",
-    "pairs": "barrier",
-    "problem": "collision",
-    "qp": "qp qp_solvers",
-    "qp_each": "qp_solvers qp collision",
-    "active_set": "qp_solvers qp",
-    "infeasible": "qp_solvers qp",
-    "rows": "collision sensing",
-    "verdicts": "guarantees scorecard",
-    "guarantees": "guarantees scorecard",
-    "premises": "guarantees scorecard",
-}
 
 
 class Loop:
@@ -70,7 +50,7 @@ class Loop:
         caches = [thing for thing in gc.get_objects() if isinstance(thing, _lru_cache_wrapper)]
         gc.freeze()  # what is here is shared by all forks
         items = {item.nodeid: item for item in session.items}
-        reached = self._reached(items)
+        reached = self._reached(items, caches)
         for control in self._controls(reached):
             tests = self.chosen(control, reached)
             result, by = self._tried(control, [items[t] for t in tests], reached, functions, caches)
@@ -100,9 +80,7 @@ class Loop:
         lines = set(range(first, last + 1))
         kills = self.kills[mutant.file + mutant.place]
         tests = [t for t, seen in reached.items() if seen["passed"] and lines & seen["lines"][mutant.file]]
-        own = DIRECT.get(Path(mutant.file).stem, Path(mutant.file).stem).split()
-        near = {t for t in tests if Path(t.partition("::")[0]).stem.removeprefix("test_") in own}
-        tests.sort(key=lambda t: (-kills[t], reached[t]["seconds"] * (1.0 if t in near else FAR)))
+        tests.sort(key=lambda t: (-kills[t], reached[t]["seconds"] * weight(mutant.file, t)))
         spent, within = 0.0, []
         for t in tests:
             spent += reached[t]["seconds"]
@@ -111,7 +89,7 @@ class Loop:
             within.append(t)
         return within
 
-    def _reached(self, items: dict[str, pytest.Item]) -> dict[str, Any]:
+    def _reached(self, items: dict[str, pytest.Item], caches: list[Any]) -> dict[str, Any]:
         """Of every test: whether it passes, its time, and the lines it reaches in each file."""
         sources = {f: hashlib.sha256((self.root / f).read_bytes()).hexdigest()[:16] for f in self.files}
         known = self.record.reached(sources)
@@ -123,6 +101,9 @@ class Loop:
             paths = {str(self.root / f): f for f in self.files}
 
             def work(allow: Callable[[float], None], item: pytest.Item = item, paths: Any = paths) -> Any:
+                # What importing the tests has cached already, a test would not be seen to reach.
+                for cache in caches:
+                    cache.cache_clear()
                 return _traced(item, paths)
 
             seen = child.run(work, TRACE_LIMIT)
@@ -132,7 +113,7 @@ class Loop:
             known[nodeid] = seen | {"test": test, "sources": touched}
             if n % 100 == 99:
                 print(f"{n + 1} of {len(items)} tests traced", file=sys.stderr, flush=True)
-        self.record.keep_reached(known)
+        self.record.keep_reached(known, set(items))
         none: set[int] = set()
         return {
             t: seen | {"lines": defaultdict(lambda: none, {f: set(k) for f, k in seen["lines"].items()})}

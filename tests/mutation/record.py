@@ -10,6 +10,27 @@ from typing import Any
 
 from mutation.mutants import Mutant
 
+# A test of another module must be this much quicker to be tried before one of the mutant's own.
+FAR = 10.0
+# The test files whose subject a module is, where their name is another.
+DIRECT = {
+    "robust": "robust robust_scenario",
+    "airmass": "robust",
+    "predicted": "robust lags",
+    "safety": "rollout barrier",
+    "minimum": "rollout",
+    "pairs": "barrier",
+    "problem": "collision",
+    "qp": "qp qp_solvers",
+    "qp_each": "qp_solvers qp collision",
+    "active_set": "qp_solvers qp",
+    "infeasible": "qp_solvers qp",
+    "rows": "collision sensing",
+    "verdicts": "guarantees scorecard",
+    "guarantees": "guarantees scorecard",
+    "premises": "guarantees scorecard",
+}
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -63,11 +84,13 @@ class Record:
         known = json.loads(self._reached.read_text(encoding="utf-8"))
         return {t: seen for t, seen in known.items() if seen["sources"].items() <= sources.items()}
 
-    def keep_reached(self, known: dict[str, Any]) -> None:
+    def keep_reached(self, known: dict[str, Any], collected: set[str]) -> None:
+        for name, seen in known.items():
+            seen["collected"] = name in collected
         self._reached.write_text(json.dumps(known), encoding="utf-8")
 
     def quickest(self, file: str, seconds: float) -> tuple[list[str], str]:
-        """The quickest tests that reach the file, of a total duration of `seconds`, and their version."""
+        """The tests that reach the file, in the order of `Loop.chosen`, for `seconds`, and their version."""
         known = json.loads(self._reached.read_text(encoding="utf-8"))
         tests = [
             (seen["seconds"], t) for t, seen in known.items() if seen["passed"] and file in seen["lines"]
@@ -84,3 +107,9 @@ def version(tests: dict[str, Any]) -> str:
     """One word for a set of tests as they are now."""
     text = json.dumps(sorted((name, seen["test"]) for name, seen in tests.items()))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def weight(file: str, test: str) -> float:
+    """By which a test's duration counts when the order for mutants of a file is made."""
+    own = DIRECT.get(Path(file).stem, Path(file).stem).split()
+    return 1.0 if Path(test.partition("::")[0]).stem.removeprefix("test_") in own else FAR
