@@ -101,7 +101,7 @@ def test_both_forms_have_known_values_and_slopes():
         got = form_function(form)(m, 10.0)
         np.testing.assert_allclose(got[0], h)
         np.testing.assert_allclose(got[1], slope)
-        one = form_function(form)(36.0, 5.0, NUMBERS)
+        one = form_function(form)(144.0, 10.0, NUMBERS)
         assert one == (h[0], pytest.approx(slope[0]))
     with pytest.raises(ValueError, match=r"unknown form 'cube' of h; choose one of root, squared$"):
         form_function("cube")
