@@ -129,6 +129,8 @@ def compare(
             raise UserError("--plants: the ladder's rungs have their own; leave it out")
         if seed is not None:
             raise UserError("--seed: the ladder flies seeds from 1; say how many with --seeds")
+        if force or not report:
+            raise UserError("--force and --no-report: the ladder has neither; leave them out")
         from testbed.studies.robustness import ladder as climb
 
         s = scenario_of(scenario, set_, seed, None)

@@ -72,6 +72,8 @@ MISTAKES = {
     ("compare", "paper-2-turn", "--seeds", "3"): "only --ladder flies several",
     ("compare", "paper-2-turn", "--ladder", "--plants", "unicycle"): "the ladder's rungs have their own",
     ("compare", "paper-2-turn", "--ladder", "--seed", "3"): "say how many with --seeds",
+    ("compare", "paper-2-turn", "--ladder", "--no-report"): "the ladder has neither",
+    ("verify", "nowhere"): "nowhere holds no finished run (no manifest.json)",
     ("run", "paper-2-turn", "--set", "airframes=x8"): "airframes: write a list, such as airframes=['x8']",
 }
 

@@ -136,6 +136,8 @@ def _seal(manifest: dict[str, Any]) -> str:
 def _json(folder: Path, name: str) -> Any:
     try:
         return json.loads((folder / name).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise UserError(f"{folder} holds no finished run (no {name})") from None
     except (OSError, ValueError) as error:
         raise UserError(f"{folder} holds no finished run: {name}: {error}") from None
 
