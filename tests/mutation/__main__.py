@@ -40,7 +40,7 @@ FILES = [
         "qp_each", "active_set", "infeasible", "monitor", "navigation", "rollout",
     )),
     *(f"testbed/{name}.py" for name in ("guarantees", "verdicts", "premises")),
-    *(f"filters/{name}.py" for name in ("barrier", "rows", "collision")),
+    *(f"filters/{name}.py" for name in ("barrier", "turn", "rows", "collision")),
 ]  # fmt: skip
 # The tests that use these modules directly; whole flights would come too late to be chosen.
 TESTS = [

@@ -20,6 +20,7 @@ DIRECT = {
     "safety": "rollout barrier",
     "minimum": "rollout",
     "pairs": "barrier",
+    "turn": "barrier",
     "problem": "collision",
     "qp": "qp qp_solvers",
     "qp_each": "qp_solvers qp collision",
