@@ -25,6 +25,7 @@ from testbed.campaigns.folder import locked
 from testbed.campaigns.processes import Processes
 from testbed.campaigns.runner import Progress, fly_all, prepare
 from testbed.campaigns.view import View
+from testbed.errors import UserError
 
 pytestmark = pytest.mark.slow
 
@@ -329,7 +330,7 @@ target = 0.5
 
 @pytest.fixture
 def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler's address, and its two workers."""
+    """A scheduler's address, and its two workers and the scheduler."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
@@ -341,7 +342,7 @@ def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", host]
     workers = [subprocess.Popen([*program, "worker", address, *options], **quiet) for _ in range(2)]
     try:
-        yield address, workers
+        yield address, [*workers, scheduler]
     finally:
         for process in (*workers, scheduler):
             process.kill()
@@ -364,6 +365,41 @@ def test_over_a_cluster_with_a_worker_killed_it_gives_the_same_bytes(
     assert table(tmp_path / "out") == table(whole)
     by = pd.read_parquet(tmp_path / "out" / "timings.parquet").worker
     assert by.nunique() == 2, "both workers flew"
+
+
+def test_a_connection_that_breaks_is_made_again(
+    dask: tuple[str, list[subprocess.Popen[bytes]]], whole: Path, tmp_path: Path
+) -> None:
+    with Cluster(dask[0], timeout_s=60) as pool:
+        wait(lambda: pool.workers == 2)
+
+        def cut(seen: int) -> None:
+            if seen in (5, 15):
+                client = pool._client
+                client.loop.add_callback(client.scheduler_comm.comm.abort)
+
+        state = flown(campaign_file(tmp_path), tmp_path / "out", pool, Watched(cut))
+    assert state.complete and table(tmp_path / "out") == table(whole)
+
+
+def test_a_scheduler_that_dies_leaves_a_campaign_to_go_on_with(
+    dask: tuple[str, list[subprocess.Popen[bytes]]],
+    whole: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("testbed.campaigns.cluster.TIMEOUT_S", 1.0)
+    address, processes = dask
+    with Cluster(address, timeout_s=60) as pool:
+
+        def kill(seen: int) -> None:
+            if seen == 5:
+                processes[-1].kill()
+
+        with pytest.raises(UserError, match="the scheduler is gone"):
+            flown(campaign_file(tmp_path), tmp_path / "out", pool, Watched(kill))
+    assert flown(campaign_file(tmp_path), tmp_path / "out", Processes(2)).complete
+    assert table(tmp_path / "out") == table(whole)
 
 
 def test_an_unreachable_cluster_is_one_line(

@@ -7,13 +7,16 @@ Dask adds is that the runs of a lost worker are flown by another.
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import logging
 import math
 import pickle
 import threading
 import time
-from asyncio import CancelledError
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self
 
@@ -25,6 +28,10 @@ from testbed.errors import UserError
 AHEAD = 3
 # Dask gives a task up after four lost workers; so many times it is given to it again.
 RESUBMITTED = 4
+# A busy machine loses a connection whose scheduler is there: so often it is made again for one outcome.
+RECONNECTED = 3
+# What Dask says when it has lost the scheduler, or thinks so.
+DISCONNECTED = (OSError, asyncio.CancelledError, concurrent.futures.CancelledError)
 # How long the number of workers is believed.
 COUNTED_S = 2.0
 # For the scheduler to answer, and again for its first worker.
@@ -78,67 +85,88 @@ class Cluster:
         # Asked for with every run that ends; the scheduler has better to do.
         now = time.monotonic()
         if now - self._counted[0] > COUNTED_S:
-            try:
-                self._counted = (now, sum(self._client.nthreads().values()))
-            except OSError:
-                raise self._gone() from None
+            count = self._counted[1]
+            # Where it cannot be asked, the jobs it has will tell.
+            with suppress(*DISCONNECTED):
+                count = sum(self._client.nthreads().values())
+            self._counted = (now, count)
         return self._counted[1]
 
     def _gone(self) -> UserError:
         return UserError(f"--cluster {self._address}: the scheduler is gone")
 
+    def _reconnect(self) -> None:
+        """A new connection in place of a lost one; raises UserError if the scheduler does not answer."""
+        from distributed import Client
+
+        lost = self._client
+        try:
+            self._client = Client(self._address, timeout=TIMEOUT_S, set_as_default=False)
+        except OSError:
+            raise self._gone() from None
+        with suppress(*DISCONNECTED):
+            lost.close(timeout=TIMEOUT_S)
+
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
         from distributed import KilledWorker, as_completed
 
-        todo = iter(range(len(jobs)))
+        todo, again = iter(range(len(jobs))), deque[int]()
         running: dict[Any, int] = {}
         lost: dict[int, int] = {}
-        ended = as_completed(loop=self._client.loop)
-
-        def submit(index: int) -> None:
-            message = pickle.dumps((work, jobs[index]))
-            future = self._client.submit(on_worker, index, message, pure=False)
-            running[future] = index
-            ended.add(future)
+        ended, reconnected = as_completed(loop=self._client.loop), 0
 
         def fill() -> None:
             while len(running) < AHEAD * max(1, self.workers):
-                index = next(todo, None)
+                index = again[0] if again else next(todo, None)
                 if index is None:
                     return
-                submit(index)
+                if not again:
+                    again.append(index)  # until it is given
+                message = pickle.dumps((work, jobs[index]))
+                future = self._client.submit(on_worker, index, message, pure=False)
+                again.popleft()
+                running[future] = index
+                ended.add(future)
 
         try:
-            fill()
-            while running:
-                future = self._next(ended)
+            while True:
+                future = outcome = error = None
+                with suppress(*DISCONNECTED):
+                    fill()
+                    if not running:
+                        return
+                    future = next(ended)
+                    if future.status == "finished":
+                        outcome = future.result()
+                    elif future.status == "error":
+                        error = future.exception()
+                if outcome is None and error is None:
+                    if reconnected == RECONNECTED:
+                        raise self._gone()
+                    self._reconnect()
+                    ended, reconnected = as_completed(loop=self._client.loop), reconnected + 1
+                    again.extend(running.values())
+                    running.clear()
+                    continue
                 index = running.pop(future)
-                if future.status == "finished":
-                    yield future.result()
-                elif future.status == "error" and isinstance(error := future.exception(), KilledWorker):
+                if outcome is not None:
+                    reconnected = 0
+                    yield outcome
+                elif isinstance(error, KilledWorker):
                     lost[index] = lost.get(index, 0) + 1
                     if lost[index] < RESUBMITTED:
-                        submit(index)
+                        again.append(index)
                     else:
                         yield Outcome(
                             index, None, CrashError("it lost every worker it was given to"), 0.0, ""
                         )
-                elif future.status == "error":
-                    error = future.exception()
+                else:
                     reason = " ".join(f"{type(error).__name__}: {error}".split())
                     raise UserError(f"--cluster {self._address}: its workers fail with {reason}")
-                else:
-                    raise self._gone()
-                fill()
         finally:
-            for future in running:
-                future.cancel()
-
-    def _next(self, ended: Iterator[Any]) -> Any:
-        try:
-            return next(ended)
-        except (OSError, CancelledError):
-            raise self._gone() from None
+            with suppress(*DISCONNECTED):
+                for future in running:
+                    future.cancel()
 
     def __enter__(self) -> Self:
         return self
