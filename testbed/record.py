@@ -93,18 +93,23 @@ class MemorySink:
         }
 
 
+# Rows of a table that are handed on at a time: some megabytes. What a step adds is kept as it comes until then;
+# of vehicles that is a few rows of many columns.
+BLOCK_ROWS = {"vehicles": 16_384, "pairs": 65_536}
+
+
 class Recorder:
     """Gathers rows and hands them on in large blocks."""
 
-    def __init__(self, sink: Sink, block_rows: int = 65536) -> None:
-        self.sink, self.block_rows = sink, block_rows
+    def __init__(self, sink: Sink) -> None:
+        self.sink = sink
         self._rows: dict[str, list[Columns]] = {"vehicles": [], "pairs": []}
         self._count = {"vehicles": 0, "pairs": 0}
 
     def add(self, table: str, columns: Columns) -> None:
         self._rows[table].append(columns)
         self._count[table] += len(next(iter(columns.values())))
-        if self._count[table] >= self.block_rows:
+        if self._count[table] >= BLOCK_ROWS[table]:
             self.flush(table)
 
     def flush(self, table: str) -> None:
