@@ -93,8 +93,8 @@ class MemorySink:
         }
 
 
-# Rows of a table that are handed on at a time: some megabytes. What a step adds is kept as it comes until then;
-# of vehicles that is a few rows of many columns.
+# Rows of a table that are handed on at a time: some megabytes. What a step adds is kept as it comes until
+# then; of vehicles that is a few rows of many columns.
 BLOCK_ROWS = {"vehicles": 16_384, "pairs": 65_536}
 
 
