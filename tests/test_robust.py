@@ -111,6 +111,22 @@ def test_a_margin_is_split_by_sides_and_limited_rows_still_add_up(seed):
     np.testing.assert_allclose(i - plain_i, BOUNDS(rows.lie_i), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("margin", [None, BOUNDS], ids=["none", "bounds"])
+def test_vehicles_that_see_the_same_each_for_itself_do_what_they_do_in_one_world(margin):
+    altered = 0
+    for seed in range(8):
+        rng, n = rng_of(seed), 4
+        state, nominal = random_state(rng, n, 80.0), random_rates(rng, n)
+        worlds = [np.tile(x.array(), (n, 1, 1)) for x in (state, nominal)]
+        filter_ = CollisionFilter(TURN, ALPHA, "limited", margin=margin)
+        alone = filter_(View(State.of(worlds[0]), Command.of(worlds[1])), nominal, LIMITS)
+        together = filter_(View(state, nominal), nominal, LIMITS)
+        np.testing.assert_array_equal(alone.status, together.status)
+        np.testing.assert_allclose(alone.command.array(), together.command.array(), atol=1e-7)
+        altered += together.override.sum()
+    assert altered > 5
+
+
 def test_the_input_to_state_margin_is_the_weighted_square_over_epsilon():
     lie = np.array([[1.0, 100.0, -2.0], [0.0, 0.0, 0.0]])
     margin = InputToState(epsilon=4.0, v=2.0, omega=0.05, zeta=0.5)
