@@ -216,7 +216,8 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     if mounted.returncode:
         pytest.skip("mounting a small disk needs root; the test of sizes above stands in")
     yield where
-    subprocess.run(["umount", str(where)], check=True)
+    # Lazily: what the machine's other programs look at for a moment keeps it busy.
+    subprocess.run(["umount", "--lazy", str(where)], check=True)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="tmpfs is Linux's")
