@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -30,5 +31,23 @@ def call(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
         except SystemExit as end:
             return int(end.code or 0)
         return 0
+
+    return command
+
+
+@pytest.fixture
+def refusal(
+    call: Callable[..., int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> Callable[..., str]:
+    """What `testbed` says on stderr of arguments it refuses, in an empty folder where it leaves nothing."""
+
+    def command(*arguments: object) -> str:
+        monkeypatch.chdir(tmp_path)
+        assert call(*arguments) == 2
+        assert list(tmp_path.iterdir()) == []
+        return capsys.readouterr().err
 
     return command
