@@ -25,7 +25,6 @@ NODES = {
     "y": "position/ecef-y-ft",
     "z": "position/ecef-z-ft",
     "altitude": "position/geod-alt-ft",
-    "above_ground": "position/h-agl-ft",
     "roll": "attitude/phi-rad",
     "u": "velocities/ecef-x-fps",
     "v": "velocities/ecef-y-fps",

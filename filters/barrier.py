@@ -17,6 +17,7 @@ from filters.pairs import (
     FEW,
     NUMBERS,
     Barrier,
+    Form,
     ForwardDifference,
     Index,
     PairValues,
@@ -109,7 +110,7 @@ class TurnBarrier:
         i, j = chosen_pairs(state, i, j)
         if len(state.shape) == 1 and len(i) <= FEW:
             with suppress(ValueError, OverflowError):  # an infinite course, say: an array has a nan for it
-                return self._values_of_few(state, i, j)
+                return self._values_of_few(state, i, j, form, epsilon)
         # One array, so that a pair's vehicles are looked up once: heading times radius, centre, height, tilt.
         poses = np.empty((4 if self.delta else 3, *state.shape), dtype=complex)
         heading = np.empty(state.shape, dtype=complex)
@@ -134,13 +135,13 @@ class TurnBarrier:
 
         return by_blocks(i, j, kernel)
 
-    def _values_of_few(self, state: State, i: Index, j: Index) -> PairValues:
+    def _values_of_few(self, state: State, i: Index, j: Index, form: Form, epsilon: float) -> PairValues:
         """`values` of a few pairs (i, j) of a state (N,), in plain numbers."""
         theta, radius = state.theta.tolist(), self._radius.tolist()
         if not self._radius.ndim:
             radius = [radius] * len(theta)
         x, y, z = state.x.tolist(), state.y.tolist(), state.z.tolist()
-        form, epsilon, delta = form_function(self.form), self.smoothing**2, self.delta
+        delta = self.delta
         numbers: list[float] = []
         for a, b in zip(i.tolist(), j.tolist(), strict=True):
             cos_a, sin_a, cos_b, sin_b = cos(theta[a]), sin(theta[a]), cos(theta[b]), sin(theta[b])

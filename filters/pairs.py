@@ -158,7 +158,7 @@ def form_function(form: str) -> Form:
         raise ValueError(f"unknown form {form!r} of h; choose one of {', '.join(FORMS)}") from None
 
 
-def root_form(m: Any, d_safe: float, kind: Kind = ARRAYS) -> tuple[Any, Any]:
+def root_form(m: Any, d_safe: float, kind: Kind) -> tuple[Any, Any]:
     """h = sqrt(m) - Ds [m], continued linearly (C1) below m0 = (0.1 Ds)^2.
 
     The paper's root is imaginary or infinitely steep far outside the safe set (delta, smoothing and
@@ -171,7 +171,7 @@ def root_form(m: Any, d_safe: float, kind: Kind = ARRAYS) -> tuple[Any, Any]:
     return root + kind.smaller(m - m0, 0.0) * slope - d_safe, slope
 
 
-def squared_form(m: Any, d_safe: float, kind: Kind = ARRAYS) -> tuple[Any, Any]:
+def squared_form(m: Any, d_safe: float, kind: Kind) -> tuple[Any, Any]:
     """h = m - Ds^2 [m^2]."""
     return m - d_safe**2, 1.0
 

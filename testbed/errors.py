@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+# Of what a file says a message quotes a little; longer ones are cut.
 LONGEST_MESSAGE = 2000
 
 

@@ -25,9 +25,8 @@ def lost(reported: list[str], track: Array) -> str | None:
     if not any(reported) and math.isfinite(track.sum()):
         return None
     said = list(reported)
-    if not np.isfinite(track).all():
-        for vehicle in np.flatnonzero(~np.isfinite(track).all(axis=(0, 2))):
-            said[vehicle] = said[vehicle] or "position not finite"
+    for vehicle in np.flatnonzero(~np.isfinite(track).all(axis=(0, 2))):
+        said[vehicle] = said[vehicle] or "position not finite"
     return "; ".join(f"vehicle {v}: {what}" for v, what in enumerate(said, 1) if what) or None
 
 

@@ -19,7 +19,7 @@ from filters.barrier import (
     TurnBarrier,
     all_pairs,
 )
-from filters.pairs import NUMBERS, form_function
+from filters.pairs import ARRAYS, NUMBERS, form_function
 from filters.rows import barrier_rows
 from filters.safety import SquaredRange
 from filters.unicycle import Command, State, step
@@ -98,7 +98,7 @@ def test_both_forms_have_known_values_and_slopes():
         ("root", [2.0, -9.0, -9.5], [1 / 24, 0.5, 0.5]),
         ("squared", m - 100.0, np.ones(3)),
     ):
-        got = form_function(form)(m, 10.0)
+        got = form_function(form)(m, 10.0, ARRAYS)
         np.testing.assert_allclose(got[0], h)
         np.testing.assert_allclose(got[1], slope)
         one = form_function(form)(144.0, 10.0, NUMBERS)

@@ -7,7 +7,6 @@ ends allow agrees, one between them is said to be open.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,15 +38,15 @@ def verify(folder: Path) -> list[Finding]:
     """Look into the run in `folder`; UserError if it cannot be read, lacks rows or says nonsense."""
     run = read(folder)
     try:
-        return list(_findings(run, folder))
+        return list(_findings(run))
     except (KeyError, TypeError, IndexError, AttributeError) as error:
         raise UserError(f"{folder} says what no run says: {type(error).__name__}: {error}") from None
 
 
-def _findings(run: Recorded, folder: Path) -> Iterator[Finding]:
+def _findings(run: Recorded) -> Iterator[Finding]:
     changed = ", ".join(run.changed)
     yield Finding("files", "as written", "changed" if changed else "as written", not changed, None, changed)
-    yield _entries(run, folder)
+    yield _entries(run)
     flown = fly_on(run.scenario, Pose(run.position, run.vehicles["theta_rad"]), run.i, run.j)
     pairs = Pairs(run, flown) if flown is not None and run.i.size else None
     rows, way = Rows.of(run, pairs), Way.of(run)
@@ -61,7 +60,7 @@ def _findings(run: Recorded, folder: Path) -> Iterator[Finding]:
     yield from monitored(rows)
 
 
-def _entries(run: Recorded, folder: Path) -> Finding:
+def _entries(run: Recorded) -> Finding:
     """Every claim that such a run is judged by is there, once, and no other."""
     s = run.scenario
     due = dict(ALWAYS)
@@ -69,7 +68,7 @@ def _entries(run: Recorded, folder: Path) -> Finding:
         due["manoeuvre-keeps-Ds"] = "G9"
     if s["filter"]["monitor"] and "filter" not in run.parts and s["filter"]["kind"] in SOLVING:
         due |= {f"monitor-{name}": "M" for name in BOUNDS}
-    said = [(e["id"], e["number"]) for e in json.loads((folder / "guarantees.json").read_text("utf-8"))]
+    said = [(e["id"], e["number"]) for e in run.entries]
     odd = sorted(
         {name for name, _ in set(due.items()) ^ set(said)} | {n for n, _ in said if said.count((n, _)) > 1}
     )

@@ -20,6 +20,7 @@ Array = np.ndarray
 class Recorded:
     """One run: T recorded instants, N vehicles, P pairs.
 
+    entries    what the run says of its claims, in its order
     t          (T,) s
     vehicles   column -> (T, N)
     pairs      column -> (T, P), pairs in the order (1, 2), (1, 3), ... (N - 1, N)
@@ -30,13 +31,18 @@ class Recorded:
     manifest: dict[str, Any]
     scenario: dict[str, Any]
     ended: str | None
-    guarantees: dict[str, dict[str, Any]]
+    entries: list[dict[str, Any]]
     t: Array
     vehicles: dict[str, Array]
     pairs: dict[str, Array]
     i: Array
     j: Array
     changed: list[str]
+
+    @cached_property
+    def guarantees(self) -> dict[str, dict[str, Any]]:
+        """The entries by id."""
+        return {e["id"]: e for e in self.entries}
 
     @property
     def complete(self) -> bool:
@@ -90,7 +96,7 @@ def read(folder: Path) -> Recorded:
     Raises UserError if files are missing or unreadable, or rows are missing, doubled or out of place.
     """
     manifest = _json(folder, "manifest.json")
-    entries = {e["id"]: e for e in _json(folder, "guarantees.json")}
+    entries = _json(folder, "guarantees.json")
     try:
         s, n = manifest["scenario"], manifest["scenario"]["vehicles"]
         period = s["rates"]["record_dt_s"]
