@@ -134,12 +134,10 @@ def test_killed_at_ten_random_moments_it_gives_the_same_bytes(whole: Path, tmp_p
     for moment in range(10):
         process = started("run", file, "--out", out, "--workers", 1 + moment % 2)
         # Some moments while it starts, most while runs end.
-        more = lines(out) + rng.randrange(1, 4)
-        if moment % 5:
-            wait(lambda more=more: lines(out) >= more, process)
-        else:
-            time.sleep(rng.uniform(0.05, 1.0))
-        time.sleep(rng.uniform(0, 0.02))
+        more = lines(out) + rng.randrange(1, 3)
+        until = time.monotonic() + (60.0 if moment % 5 else rng.uniform(0.05, 1.0))
+        wait(lambda more=more, until=until: lines(out) >= more or time.monotonic() > until, process)
+        time.sleep(rng.uniform(0, 0.01))
         children = psutil.Process(process.pid).children() if process.poll() is None else []
         process.kill()
         process.communicate()
