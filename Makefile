@@ -43,7 +43,7 @@ soak: $(VENV)/.installed
 	$(BIN)/python -m pytest --quiet -s -m soak tests/soak
 
 # Some hours on one core, resumable: is every change of filters/ and of the verdicts noticed by a test? Prints a
-# table per file; the survivors are in runs/mutants/survivors.txt. FILES="filters/qp.py ..." for some of them.
+# table per file; the survivors are in runs/mutants/survivors.txt. FILES="filters/qp/single.py ..." for some of them.
 mutants: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[mutation]'
 	cd tests && ../$(BIN)/python -m mutation $(FILES)
@@ -55,8 +55,8 @@ lint: $(VENV)/.installed
 # The pages and pictures of the guide that are generated.
 guide: $(VENV)/.installed
 	$(BIN)/testbed schema --markdown > docs/guide/scenarios.md
-	$(BIN)/python -m testbed.api_page > docs/guide/api.md
-	$(BIN)/python -m testbed.studies.idea docs/guide/figures
+	$(BIN)/python docs/api_page.py > docs/guide/api.md
+	$(BIN)/python docs/idea_figures.py docs/guide/figures
 
 # Ratios within one run, some minutes; writes docs/guide/performance.md. Not part of pass or fail.
 bench: $(VENV)/.installed

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from aircraft.properties import TELEMETRY
+from aircraft.jsbsim.properties import TELEMETRY
 from aircraft.textfile import read_toml
 
 AIRFRAMES = Path(__file__).parent / "airframes"
@@ -181,18 +181,18 @@ def copy(name_or_folder: str, folder: Path) -> Path:
 def load(name_or_folder: str | Path) -> Airframe:
     """An airframe by name (`x8`), by the path of its folder, or of a gains file, which names its base.
 
-    A folder that does not come with the package is read as a stranger's: see `aircraft.lint_safety`.
+    A folder that does not come with the package is read as a stranger's: see `aircraft.check.safety`.
     Raises  FileNotFoundError naming what is missing, ValueError naming the file and what is wrong with it.
     """
     folder = folder_of(name_or_folder)
     if folder.suffix == ".toml":
-        from aircraft.gains import read
+        from aircraft.autopilots.gains import read
 
         changed = read(folder)
         return changed.model_copy(update={"name": f"{changed.name}+{folder.stem}"})
     found = said(folder)
     if found.folder.parent != AIRFRAMES.resolve():
-        from aircraft.lint_safety import vet
+        from aircraft.check.safety import vet
 
         vet(found)
     return found

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from filters.unicycle import Array, Command, State, step
+from filters.model import Array, Command, State, step
 
 
 @dataclass(frozen=True)

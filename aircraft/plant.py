@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from filters.unicycle import Array, Command, State
+from filters.model import Array, Command, State
 
 
 class Plant(Protocol):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from aircraft.plant import Plant
-from filters.unicycle import Array, Command, State
+from filters.model import Array, Command, State
 
 
 class Replay:

@@ -12,24 +12,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from testbed.comparison import compare as compare
+    from testbed.components.components import Parts as Parts
     from testbed.errors import UserError as UserError
-    from testbed.parts import Parts as Parts
-    from testbed.record import Run as Run
-    from testbed.scenario import Scenario as Scenario
-    from testbed.scenario import load as load_scenario
-    from testbed.simulate import run as run
-    from testbed.store import load as load
+    from testbed.records.run import Run as Run
+    from testbed.records.store import load as load
+    from testbed.scenario.scenario import Scenario as Scenario
+    from testbed.scenario.scenario import load as load_scenario
+    from testbed.simulation.simulate import run as run
+    from testbed.studies.comparison.comparison import compare as compare
 
 # Loaded when first asked for, so that the command line answers at once.
 _HOMES = {
-    "load_scenario": ("testbed.scenario", "load"),
-    "Scenario": ("testbed.scenario", "Scenario"),
-    "run": ("testbed.simulate", "run"),
-    "compare": ("testbed.comparison", "compare"),
-    "load": ("testbed.store", "load"),
-    "Run": ("testbed.record", "Run"),
-    "Parts": ("testbed.parts", "Parts"),
+    "load_scenario": ("testbed.scenario.scenario", "load"),
+    "Scenario": ("testbed.scenario.scenario", "Scenario"),
+    "run": ("testbed.simulation.simulate", "run"),
+    "compare": ("testbed.studies.comparison.comparison", "compare"),
+    "load": ("testbed.records.store", "load"),
+    "Run": ("testbed.records.run", "Run"),
+    "Parts": ("testbed.components.components", "Parts"),
     "UserError": ("testbed.errors", "UserError"),
 }
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from testbed import cli
+from testbed.cli import main
 
 
 def pytest_configure() -> None:
@@ -27,7 +27,7 @@ def call(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     def command(*arguments: object) -> int:
         monkeypatch.setattr(sys, "argv", ["testbed", *map(str, arguments)])
         try:
-            cli.main()
+            main.main()
         except SystemExit as end:
             return int(end.code or 0)
         return 0

@@ -28,7 +28,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from testbed.cli import app
+from testbed.cli.main import app
 
 ROOT = Path(__file__).parent.parent
 SHELL = ("", "sh", "bash", "console")

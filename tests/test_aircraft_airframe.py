@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from aircraft.airframe import load, names
-from aircraft.trim import trim, trim_map
+from aircraft.jsbsim.trim import trim, trim_map
 
 
 def test_the_x8_comes_with_the_package():

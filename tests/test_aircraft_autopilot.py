@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
-from aircraft.autopilot import EQUATIONS, parse, system_xml
-from aircraft.earth import Origin
-from aircraft.fdm import Fdm, Start
-from aircraft.linear import margins, response
-from aircraft.specification import turbulence_rows
-from aircraft.statespace import loops
-from aircraft.trim import feedforward
-from aircraft.tuning import fly, score
+from aircraft.autopilots.equations import EQUATIONS, parse, system_xml
+from aircraft.autopilots.margins import margins, response
+from aircraft.autopilots.specification import turbulence_rows
+from aircraft.autopilots.statespace import loops
+from aircraft.autopilots.tuning import fly, score
+from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.trim import feedforward
 
 TURN = math.radians(11.7)
 

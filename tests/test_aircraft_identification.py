@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
-from aircraft.fleet import JsbsimFleet
-from aircraft.identification import identify
+from aircraft.autopilots.identification import identify
+from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.kinematic import KinematicFleet, Lag
-from filters.unicycle import Command, State
+from filters.model import Command, State
 
 
 def lagged(airframe):

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
-from aircraft.earth import Origin
-from aircraft.fdm import Fdm, Start
-from aircraft.linear import modes
-from aircraft.statespace import linear_model
+from aircraft.autopilots.margins import modes
+from aircraft.autopilots.statespace import linear_model
+from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.jsbsim.geodesy import Origin
 
 N_PER_LB, M_PER_FT = 4.4482216152605, 0.3048
 NM_PER_LBFT = N_PER_LB * M_PER_FT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from filters.alpha import OddPolynomial, cubic, linear
+from filters.barriers.class_k import OddPolynomial, cubic, linear
 
 
 def test_linear_and_cubic_are_what_they_say():

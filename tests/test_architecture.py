@@ -17,14 +17,14 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = {"filters": filters, "aircraft": aircraft, "testbed": testbed}
 MAY_IMPORT = {
     "filters": {"filters"},
-    "aircraft": {"aircraft", "filters.unicycle"},
+    "aircraft": {"aircraft", "filters.model"},
     "testbed": {"testbed", "aircraft", "filters"},
 }
 HOMES = {
-    "jsbsim": {"aircraft/fdm.py"},
-    "osqp": {"filters/qp.py"},
-    "daqp": {"filters/active_set.py"},
-    "control": {"aircraft/trim.py", "aircraft/linear.py", "aircraft/tuning.py"},
+    "jsbsim": {"aircraft/jsbsim/fdm.py"},
+    "osqp": {"filters/qp/single.py"},
+    "daqp": {"filters/qp/active_set.py"},
+    "control": {"aircraft/jsbsim/trim.py", "aircraft/autopilots/margins.py", "aircraft/autopilots/tuning.py"},
 }
 
 
@@ -71,12 +71,12 @@ def test_a_dependency_has_one_home(dependency: str) -> None:
 def test_feet_stay_in_the_flight_dynamics_wrapper() -> None:
     for package in PACKAGES:
         for file in modules(package):
-            if file.name not in ("fdm.py", "earth.py"):
+            if file.name not in ("fdm.py", "geodesy.py"):
                 text = file.read_text(encoding="utf-8")
                 assert "0.3048" not in text, f"{file.relative_to(ROOT)} converts feet"
 
 
-@pytest.mark.parametrize("module", ["filters.collision", "testbed.cli"])
+@pytest.mark.parametrize("module", ["filters.cbf.collision", "testbed.cli.main"])
 def test_importing_is_light(module: str) -> None:
     """Solvers, aircraft and plotting load at first use, so that --help is quick."""
     heavy = ("osqp", "daqp", "jsbsim", "control", "matplotlib", "pandas")

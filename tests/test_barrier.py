@@ -10,8 +10,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from filters.alpha import cubic
-from filters.barrier import (
+from filters.barriers.class_k import cubic
+from filters.barriers.closed_form import (
     EuclideanBarrier,
     ForwardDifference,
     PairValues,
@@ -19,10 +19,10 @@ from filters.barrier import (
     TurnBarrier,
     all_pairs,
 )
-from filters.pairs import ARRAYS, NUMBERS, form_function
-from filters.rows import barrier_rows
-from filters.safety import SquaredRange
-from filters.unicycle import Command, State, step
+from filters.barriers.pairs import ARRAYS, NUMBERS, form_function
+from filters.barriers.range_functions import SquaredRange
+from filters.cbf.constraints import barrier_rows
+from filters.model import Command, State, step
 
 DS, V, OMEGA = 5.0, 16.0, 0.2042
 TURNS = {
@@ -545,5 +545,7 @@ def test_mistakes_are_refused_with_the_reason(make, reason):
 
 
 def test_importing_barriers_does_not_import_scipy():
-    code = "import sys, filters.barrier, filters.alpha; sys.exit('scipy' in sys.modules)"
+    code = (
+        "import sys, filters.barriers.closed_form, filters.barriers.class_k; sys.exit('scipy' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

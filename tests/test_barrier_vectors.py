@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from filters.barrier import StraightBarrier, TurnBarrier
-from filters.unicycle import State
+from filters.barriers.closed_form import StraightBarrier, TurnBarrier
+from filters.model import State
 
 VECTORS = json.loads((Path(__file__).parent / "reference" / "vectors.json").read_text())
 PAIRS, QPS = VECTORS["pairs"], VECTORS["qp"]

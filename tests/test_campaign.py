@@ -117,8 +117,8 @@ def test_a_campaign_has_a_row_per_run_and_its_timings_apart(whole: Path) -> None
 
 
 def test_a_row_is_what_the_run_alone_says(whole: Path) -> None:
-    from testbed.scenario import load
-    from testbed.simulate import run
+    from testbed.scenario.scenario import load
+    from testbed.simulation.simulate import run
 
     row = pd.read_parquet(whole / "runs.parquet").iloc[20]
     fields = [f"d_safe_m={float(row.d_safe_m)!r}", f"seed={row.seed}", f"plant={row.plant}", "duration_s=0.1"]
@@ -189,15 +189,15 @@ def test_a_worker_killed_time_and_again_loses_nothing(whole: Path, tmp_path: Pat
 CRASH = """
 import os, sys
 if sys.argv[0] == "-c":
-    import testbed.start
-    generators = testbed.start.generators
+    import testbed.components.initial_conditions
+    generators = testbed.components.initial_conditions.generators
     def crashing(seed):
         if seed == 4:
             os.abort()
         if seed == 5:
             raise ZeroDivisionError("an error within the run")
         return generators(seed)
-    testbed.start.generators = crashing
+    testbed.components.initial_conditions.generators = crashing
 """
 
 
@@ -273,7 +273,7 @@ def test_a_campaign_whose_code_has_changed_is_not_gone_on_with(
 
 
 def test_run_folders_are_kept_for_violations_alone(tmp_path: Path) -> None:
-    from testbed.store import load
+    from testbed.records.store import load
 
     near = """
 name = "near"

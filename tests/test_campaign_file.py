@@ -11,12 +11,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from testbed import scenario
 from testbed.campaigns import file, view
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import Campaign, Distribution, Guarantee
 from testbed.campaigns.identity import ROOT, code_id, content_id, modules
 from testbed.campaigns.plan import Plan, base, expand
+from testbed.scenario import scenario
 
 BASE = {"name": "c", "scenario": "paper-2-turn", "seeds": 3}
 
@@ -55,7 +55,12 @@ def test_a_run_is_named_by_its_content() -> None:
 
 def test_the_code_a_run_depends_on_is_all_that_flies_and_nothing_that_draws() -> None:
     names = {str(f.relative_to(ROOT)) for f in modules()}
-    assert {"aircraft/fdm.py", "filters/qp.py", "filters/barrier.py", "testbed/gusts.py"} <= names
+    assert {
+        "aircraft/jsbsim/fdm.py",
+        "filters/qp/single.py",
+        "filters/barriers/closed_form.py",
+        "testbed/environment/gusts.py",
+    } <= names
     assert not any("cli" in n or "report" in n or "campaigns" in n or "studies" in n for n in names)
     assert code_id() == code_id() and len(code_id()) == 16
 
@@ -103,7 +108,7 @@ def test_the_campaigns_that_come_with_the_package_resolve(name: str) -> None:
 
 
 def test_every_guarantee_that_can_be_counted_is_one_that_runs_have() -> None:
-    from testbed.simulate import run
+    from testbed.simulation.simulate import run
 
     done = run(scenario.load("paper-2-turn", ["duration_s=0.05"]))
     assert set(get_args(Guarantee)) <= {g["id"] for g in done.guarantees}

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from aircraft.airframe import AIRFRAMES, names
-from aircraft.lint import Finding, check
+from aircraft.check.check import Finding, check
 
 MODEL, SYSTEM, TOML = "x8.xml", "systems/autopilot.xml", "airframe.toml"
 

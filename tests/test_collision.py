@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from filters import qp
-from filters.alpha import cubic, linear
-from filters.barrier import EuclideanBarrier, PairValues, StraightBarrier, TurnBarrier
-from filters.collision import CollisionFilter, Passthrough, Problem
-from filters.qp import Status
-from filters.rows import PerPair, barrier_rows, limited_rows, observed_rows, shares
-from filters.unicycle import Command, Limits, State, View
+from filters.barriers.class_k import cubic, linear
+from filters.barriers.closed_form import EuclideanBarrier, PairValues, StraightBarrier, TurnBarrier
+from filters.cbf.collision import CollisionFilter, Passthrough, Problem
+from filters.cbf.constraints import PerPair, barrier_rows, limited_rows, observed_rows, shares
+from filters.model import Command, Limits, State, View
+from filters.qp import single
+from filters.qp.single import Status
 
 OMEGA_MAX = np.deg2rad(13)
 LIMITS = Limits(15.0, 25.0, OMEGA_MAX, 3.9)
@@ -68,7 +68,7 @@ def test_inside_the_safe_set_every_qp_is_solved_inside_the_limits(mode, seed, n)
     state = safe_state(rng, n, 40.0 * np.sqrt(n))
     decision = CollisionFilter(TURN, ALPHA, mode)(view_of(state), random_nominal(rng, n), LIMITS)
     assert np.all(decision.status == Status.SOLVED)
-    assert np.max(decision.residual) <= qp.RESIDUAL
+    assert np.max(decision.residual) <= single.RESIDUAL
     assert np.all(LIMITS.contains(decision.command))
     # The barrier's promise, whichever QP it was (Theorem 4 for the limited one).
     assert np.all(decision.hdot_predicted >= -ALPHA(decision.pairs.h) - 1e-6)
@@ -99,12 +99,16 @@ def undropped(state, nominal, mode):
         matrix = np.zeros((rows.rhs.size, n, 3))
         matrix[np.arange(rows.rhs.size), rows.i] = rows.lie_i
         matrix[np.arange(rows.rhs.size), rows.j] = rows.lie_j
-        solution = qp.solve(target.ravel(), matrix.reshape(-1, 3 * n), rows.rhs, lower.ravel(), upper.ravel())
+        solution = single.solve(
+            target.ravel(), matrix.reshape(-1, 3 * n), rows.rhs, lower.ravel(), upper.ravel()
+        )
         return solution.u.reshape(n, 3)
     own = limited_rows(rows, *shares(TURN, rows, n))
     return np.array(
         [
-            qp.solve(target[v], own.lie[own.vehicle == v], own.rhs[own.vehicle == v], lower[v], upper[v]).u
+            single.solve(
+                target[v], own.lie[own.vehicle == v], own.rhs[own.vehicle == v], lower[v], upper[v]
+            ).u
             for v in range(n)
         ]
     )
@@ -138,7 +142,7 @@ def test_two_distant_groups_are_solved_as_if_alone():
 
 @pytest.mark.parametrize("mode", MODES)
 def test_far_apart_the_clipped_nominal_flies_and_no_qp_is_solved(mode, monkeypatch):
-    monkeypatch.setattr(qp, "solve", lambda *_: pytest.fail("a QP was solved"))
+    monkeypatch.setattr(single, "solve", lambda *_: pytest.fail("a QP was solved"))
     state = State([0.0, 5000.0], [0.0, 0.0], [0.0, np.pi], [0.0, 0.0])
     nominal = Command([30.0, 20.0], [0.0, 0.1], [0.0, 0.0])
     decision = CollisionFilter(TURN, ALPHA, mode)(view_of(state), nominal, LIMITS)
@@ -249,7 +253,7 @@ def test_the_deviation_is_each_vehicles_largest_change_beyond_the_limits():
 @pytest.mark.parametrize("mode", MODES)
 def test_where_only_osqp_may_be_asked_nothing_else_is(mode, monkeypatch):
     for name in ("attempt", "attempt_each"):
-        monkeypatch.setattr(f"filters.active_set.{name}", lambda *_: pytest.fail("not OSQP"))
+        monkeypatch.setattr(f"filters.qp.active_set.{name}", lambda *_: pytest.fail("not OSQP"))
     state = State([-25.0, 25.0], [0.5, -0.5], [0.0, np.pi], 0.0)
     decision = CollisionFilter(TURN, ALPHA, mode, solver="osqp")(
         view_of(state), Command([22.0, 25.0], 0.0, 0.0), LIMITS
@@ -431,7 +435,7 @@ def circle(k, radius=200.0):
 @pytest.mark.slow
 @pytest.mark.parametrize(("k", "mode"), [(20, "limited"), (20, "centralised"), (50, "centralised")])
 def test_an_active_circle_is_solved_at_every_step(k, mode):
-    from filters.unicycle import step
+    from filters.model import step
 
     barrier = TurnBarrier(16.0, 0.9 * OMEGA_MAX, 5.0, delta=0.01)
     decide = CollisionFilter(barrier, ALPHA, mode)

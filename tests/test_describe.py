@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import Airframe, load, names
-from aircraft.datasheet import compare, geometry
-from aircraft.envelope import Box, corners, limits
-from aircraft.linear import margins, model_margins, model_response, modes
-from aircraft.specification import evaluate, turbulence_rows
-from aircraft.statespace import equations, linear_model, loops
-from aircraft.statespace import evaluate as autopilot
+from aircraft.autopilots.margins import margins, model_margins, model_response, modes
+from aircraft.autopilots.specification import evaluate, turbulence_rows
+from aircraft.autopilots.statespace import equations, linear_model, loops
+from aircraft.autopilots.statespace import evaluate as autopilot
+from aircraft.datasheets.datasheet import compare, geometry
+from aircraft.datasheets.envelope import Box, corners, limits
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from filters.unicycle import State
+from filters.model import State
 from testbed.errors import UserError
-from testbed.record import WIND_COLUMNS
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.records.run import WIND_COLUMNS
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 WIND = list(WIND_COLUMNS)
 ALL = [
@@ -50,8 +50,8 @@ def test_equal_disturbed_scenarios_give_equal_files(tmp_path: Path, plant: str, 
 @pytest.mark.slow
 def test_a_still_unicycle_and_an_aircraft_meet_the_same_air() -> None:
     """The recorded wind is a function of time and place: evaluated anew at the recorded places, it agrees."""
-    from testbed.disturbance import build
-    from testbed.start import generators
+    from testbed.components.initial_conditions import generators
+    from testbed.environment.disturbance import build
 
     settings = ["wind.speed_mps=4", "intensity=severe", "duration_s=2", "record_dt_s=0.5", "vehicles=3"]
     first = {}
@@ -119,7 +119,7 @@ def test_a_start_that_no_aircraft_can_fly_in_that_wind_is_one_line() -> None:
 @pytest.mark.slow
 def test_verdicts_use_the_truth_where_the_filter_saw_something_else() -> None:
     """A filter that sees vehicles 1 s ago believes in another h; h_m is that of the poses recorded."""
-    from testbed import catalogue
+    from testbed.components import catalogue
 
     for kind in ("centralised", "limited"):
         s = load("paper-2-turn", ["delay_s=1", "duration_s=6", "record_dt_s=0.5", f"filter.kind={kind}"])
@@ -137,8 +137,8 @@ def test_verdicts_use_the_truth_where_the_filter_saw_something_else() -> None:
 def test_the_nominal_controller_steers_by_what_a_vehicle_knows_of_itself() -> None:
     settings = ["delay_s=0.5", "duration_s=2", "filter.kind=none", "course_offset_deg=30", "record_dt_s=0.1"]
     late = run(load("paper-2-turn", settings)).vehicles.query("vehicle == 1").set_index("t_s")
-    from testbed import catalogue
-    from testbed.start import generators, places
+    from testbed.components import catalogue
+    from testbed.components.initial_conditions import generators, places
 
     s = load("paper-2-turn", settings)
     _, goal = places(s, generators(s.seed)["start"])
@@ -160,10 +160,10 @@ def test_limited_communication_flies_on_each_vehicles_own_view() -> None:
 
 def test_a_long_filter_period_asks_for_the_air_between_its_steps() -> None:
     """With the filter at 0.5 s a lagged plant still meets the wind at 0.05 s, so its path hardly changes."""
-    from testbed import catalogue
-    from testbed.disturbance import build
-    from testbed.simulate import _advance
-    from testbed.start import generators
+    from testbed.components import catalogue
+    from testbed.components.initial_conditions import generators
+    from testbed.environment.disturbance import build
+    from testbed.simulation.simulate import _advance
 
     s = load("paper-2-turn", ["filter_dt_s=0.5", "record_dt_s=0.5", "intensity=severe"])
     asked: list[float] = []
@@ -175,7 +175,7 @@ def test_a_long_filter_period_asks_for_the_air_between_its_steps() -> None:
             asked.append(t)
             return build(s, generators(1)).wind(t, state)
 
-    from testbed.start import places
+    from testbed.components.initial_conditions import places
 
     start, _ = places(s, generators(1)["start"])
     plant = catalogue.plant(s)

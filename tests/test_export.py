@@ -13,11 +13,11 @@ from pyacmi import Acmi
 from pyacmi.acmi import AcmiFileReader
 
 import testbed
-from aircraft.earth import Origin, ecef
+from aircraft.jsbsim.geodesy import Origin, ecef
 from testbed.export import acmi, events
-from testbed.record import Run
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.records.run import Run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 NAME = "naïve, <script>alert(1)</script> \\ two\nlines"
 # Aircraft without a filter, 80 m apart: they come below Ds within two seconds.

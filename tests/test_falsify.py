@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from filters.unicycle import Array
+from filters.model import Array
 from testbed.campaigns.executor import Outcome
+from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
-from testbed.scenario import load
-from testbed.simulate import run
-from testbed.start import generators, places
-from testbed.studies import falsify as study
-from testbed.studies.flights import Flights, fly
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
+from testbed.studies.falsify import falsify as study
+from testbed.studies.falsify.flights import Flights, fly
+from testbed.studies.falsify.shrink import ddmin, scale, shrink
+from testbed.studies.falsify.space import Bounds, Space, bounds
 from testbed.studies.measure import override
-from testbed.studies.shrink import ddmin, scale, shrink
-from testbed.studies.space import Bounds, Space, bounds
 
 ALL = Bounds(10.0, 5.0, 1.0, 5.0, 0.1)
 STARTS_ONLY = Bounds(10.0, 5.0, 1.0, 0.0, 0.0)

@@ -17,14 +17,14 @@ import pytest
 
 import testbed
 from testbed.errors import UserError
-from testbed.scenario import load
-from testbed.simulate import run
-from testbed.store import staged
+from testbed.records.store import staged
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 BRIEF = ["duration_s=0.1", "checks.manoeuvre_instants=0"]
 # Some seconds of flying, recorded at every step, so that a moment at random is one in the middle of it.
 LONG = ["--set=duration_s=60", "--set=checks.manoeuvre_instants=0", "--set=vehicles=8"]
-PROGRAM = [sys.executable, "-c", "from testbed.cli import main; main()"]
+PROGRAM = [sys.executable, "-c", "from testbed.cli.main import main; main()"]
 KILLS = int(os.environ.get("TESTBED_FUZZ", "1"))
 
 
@@ -80,7 +80,7 @@ def test_a_signal_ends_it_in_one_line_and_nothing_is_left(
 # A command in which the signal comes where every exception is swallowed, or while it cleans up at length.
 STOPPED = """
 import os, signal, sys, time
-from testbed.stopping import StoppedError, ending
+from testbed.cli.interrupts import StoppedError, ending
 
 def swallowed():
     try:
@@ -177,8 +177,8 @@ FILLING = """
 import json, os, resource, sys
 from pathlib import Path
 from testbed.errors import UserError
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 s = load("paper-2-turn", ["duration_s=1", "checks.manoeuvre_instants=0"])
 hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
 for size in (0, 1, 100, 1000, 3000, 10_000, 20_000, 30_000):

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aircraft.fdm import Fdm
-from aircraft.fleet import JsbsimFleet
+from aircraft.jsbsim.fdm import Fdm
+from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.kinematic import KinematicFleet
-from filters.qp import Status
-from filters.unicycle import Array, Command
-from testbed import catalogue
-from testbed.record import Run
-from testbed.scenario import load
-from testbed.simulate import run
+from filters.model import Array, Command
+from filters.qp.single import Status
+from testbed.components import catalogue
+from testbed.records.run import Run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 BRIEF = ["duration_s=2", "checks.manoeuvre_instants=0", "filter_dt_s=0.02", "record_dt_s=0.02"]
 AT_S = 0.5
@@ -135,7 +135,7 @@ def test_a_filter_that_raises_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_a_barrier_that_is_no_number_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a QP would get is refused before it is one: NaN is never a dropped row."""
-    from filters.barrier import TurnBarrier
+    from filters.barriers.closed_form import TurnBarrier
 
     good, calls = TurnBarrier.values, 0
 
@@ -173,7 +173,7 @@ def test_a_qp_without_a_solution_is_recorded_and_the_vehicles_evade(kind: str) -
 def test_a_solver_that_never_arrives_is_recorded_and_the_vehicles_evade(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("filters.qp.violation", lambda u, A, b: 1.0)
+    monkeypatch.setattr("filters.qp.single.violation", lambda u, A, b: 1.0)
     s = load("paper-2-turn", [*BRIEF, "duration_s=0.1", "radius_m=20", "filter.solver=osqp"])
     without_solution(run(s, force=True), Status.ITERATION_LIMIT)
 

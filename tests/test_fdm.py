@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
-from aircraft.earth import Origin, ecef, geodetic
-from aircraft.fdm import Fdm, FdmError, Start, motions, positions
+from aircraft.jsbsim.fdm import Fdm, FdmError, Start, motions, positions
+from aircraft.jsbsim.geodesy import Origin, ecef, geodetic
 
 CALM = (0.0, 0.0, 0.0)
 

@@ -10,11 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.record import Run
-from testbed.report import paper_figures
-from testbed.scenario import load
-from testbed.simulate import run
-from testbed.studies import reproduction
+from testbed.records.run import Run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
+from testbed.studies.paper import figures, reproduction
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +45,7 @@ def test_the_published_stamps_are_one_step_early(
 
 @pytest.mark.slow
 def test_the_figure_is_drawn_panel_by_panel(published: dict[str, Run], tmp_path: Path) -> None:
-    files = paper_figures.draw(paper_figures.FIGURES[0], published, tmp_path)
+    files = figures.draw(figures.FIGURES[0], published, tmp_path)
     names = {"fig2", "fig2a-speed", "fig2b-turn-rate", "fig2c-distance", "fig2d-path"}
     assert {f.stem for f in files} == names
     assert {f.suffix for f in files} == {".png", ".pdf", ".svg"} and len(files) == 15
@@ -108,8 +107,8 @@ def test_a_mistake_is_one_line_and_nothing_is_written(
 
 @pytest.mark.slow
 def test_the_aircraft_draws_the_same_panels(tmp_path: Path) -> None:
-    figure = paper_figures.FIGURES[1]
+    figure = figures.FIGURES[1]
     short = ["plant=jsbsim", "duration_s=0.05"]
     runs = {series: run(load(name, short)) for series, name in figure.scenarios.items()}
-    files = paper_figures.draw(figure, runs, tmp_path)
+    files = figures.draw(figure, runs, tmp_path)
     assert {f.name for f in files} >= {"fig3.png", "fig3a-climb-rate.pdf", "fig3b-climb-rate-zoom.png"}

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
-from aircraft.fleet import JsbsimFleet
+from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.kinematic import KinematicFleet, Lag
-from filters.unicycle import Command, State
+from filters.model import Command, State
 
 CALM = np.zeros((2, 3))
 LAGS = (Lag(0.8, 0.05), Lag(0.3, 0.02, -1.0, 1.0), Lag(0.3))

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import testbed
-from testbed import cli
+from testbed.cli import main
 from tests.fuzzing import TEXT, cases, no_hang
 
 WORDS = st.one_of(
@@ -55,7 +55,7 @@ def test_any_command_line_is_answered(
         os.chdir(here)
         sys.argv = ["testbed", *command, *words]
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told), no_hang():
-            cli.main()
+            main.main()
     except SystemExit as end:
         code = int(end.code or 0)
     finally:

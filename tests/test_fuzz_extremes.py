@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from testbed.errors import UserError
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 BASE = ["checks.manoeuvre_instants=0"]
 EXTREMES = {

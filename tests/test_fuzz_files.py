@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aircraft import airframe
-from aircraft.lint_files import read_folder
-from aircraft.lint_rules import RULES
-from aircraft.lint_safety import dangers
+from aircraft.check.files import read_folder
+from aircraft.check.rules import RULES
+from aircraft.check.safety import dangers
 from testbed.campaigns import file, plan
 from testbed.errors import UserError
-from testbed.scenario import Scenario
+from testbed.scenario.scenario import Scenario
 from tests.fuzzing import cases, change, damaged, document, no_hang
 
 X8 = airframe.AIRFRAMES / "x8"

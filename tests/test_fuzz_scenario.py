@@ -13,8 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from testbed.errors import UserError
-from testbed.scenario import Scenario, builtin, load
-from testbed.simulate import run
+from testbed.scenario.scenario import Scenario, builtin, load
+from testbed.simulation.simulate import run
 from tests.fuzzing import cases, change, damaged, document, no_hang
 
 

@@ -7,17 +7,17 @@ import pytest
 
 from aircraft.airframe import load as load_airframe
 from aircraft.kinematic import KinematicFleet
-from filters.barrier import EuclideanBarrier, TurnBarrier
-from filters.monitor import MonitorRecord
-from filters.unicycle import Command, Limits, State
-from testbed import catalogue
-from testbed.guarantees import Flown, judge, monitored
-from testbed.premises import premises
-from testbed.saturation import Saturation
-from testbed.scenario import Scenario, load
-from testbed.simulate import run
-from testbed.tally import Extreme, Tally
-from testbed.verdicts import Entry
+from filters.barriers.closed_form import EuclideanBarrier, TurnBarrier
+from filters.cbf.theorem_monitor import MonitorRecord
+from filters.model import Command, Limits, State
+from testbed.claims.guarantees import Flown, judge, monitored
+from testbed.claims.premises import premises
+from testbed.claims.verdict import Entry
+from testbed.components import catalogue
+from testbed.measures.run_statistics import Extreme, Tally
+from testbed.measures.saturation import Saturation
+from testbed.scenario.scenario import Scenario, load
+from testbed.simulation.simulate import run
 
 
 def verdict(overrides: list[str], name: str, force: bool = False) -> str:

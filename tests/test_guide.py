@@ -14,11 +14,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from testbed import api_page, scenario_page
-from testbed.studies.answer import markdown
+from testbed.scenario import reference_page
+from testbed.studies.answer.answer import markdown
 
 ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "docs")]
+import api_page  # noqa: E402
 from guide_pages import Reader, blocks, commands, known  # noqa: E402
 
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -41,7 +42,7 @@ def test_commands_named_exist(page: Path) -> None:
     """Every `testbed X` in a code block or span is a command, and its long options are known to its help."""
     from typer.main import get_command
 
-    from testbed.cli import app
+    from testbed.cli.main import app
 
     commands = get_command(app).commands  # type: ignore[attr-defined]
     # A command inside another's $(...) is one of its own.
@@ -97,8 +98,8 @@ def test_a_reader_meets_what_a_page_says(
 
 def test_generated_pages_are_up_to_date() -> None:
     remake = "testbed schema --markdown > docs/guide/scenarios.md"
-    assert (ROOT / "docs/guide/scenarios.md").read_text("utf-8") == scenario_page.markdown(), remake
-    remake = "python -m testbed.api_page > docs/guide/api.md"
+    assert (ROOT / "docs/guide/scenarios.md").read_text("utf-8") == reference_page.markdown(), remake
+    remake = "python docs/api_page.py > docs/guide/api.md"
     assert (ROOT / "docs/guide/api.md").read_text("utf-8") == api_page.markdown(), remake
 
 

@@ -10,9 +10,11 @@ import pandas as pd
 import pytest
 
 from testbed.report.tables import number
-from testbed.scenario import load
-from testbed.simulate import run
-from testbed.studies import ladder, margin, remedies
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
+from testbed.studies.ladder import ladder
+from testbed.studies.margin import margin
+from testbed.studies.remedies import remedies
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT / "docs/guide/data"

@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from filters.unicycle import State
-from testbed import gusts
-from testbed.scenario import load
-from testbed.start import generators
-from testbed.wind import SteadyWind
+from filters.model import State
+from testbed.components.initial_conditions import generators
+from testbed.environment import gusts
+from testbed.environment.wind import SteadyWind
+from testbed.scenario.scenario import load
 
 SIGMA, LENGTH = 1.5, 300.0
 STILL = np.zeros(3)
@@ -168,7 +168,7 @@ def test_wind_blows_towards_its_direction_and_shears_with_height() -> None:
 
 
 def test_a_scenarios_wind_is_the_steady_wind_and_the_gusts() -> None:
-    from testbed.disturbance import build
+    from testbed.environment.disturbance import build
 
     state = State([0.0, 40.0], [0.0, 10.0], [0.0, 1.0], [0.0, 50.0])
     settings = ["wind.speed_mps=7", "wind.towards_deg=30", "shear_exponent=0.1", "intensity=light"]

@@ -16,8 +16,8 @@ from aircraft import airframe
 from aircraft.airframe import AIRFRAMES
 from aircraft.textfile import LARGEST_BYTES, read_toml
 from testbed.errors import UserError
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 MODEL, SYSTEM, TOML = "x8.xml", "systems/autopilot.xml", "airframe.toml"
 
@@ -123,7 +123,7 @@ def test_a_folder_that_is_more_than_an_airframe_is_refused(folder: Path, what: s
 
 
 def test_our_own_airframes_are_safe_by_the_same_rules(folder: Path) -> None:
-    from aircraft.lint_safety import dangers
+    from aircraft.check.safety import dangers
 
     for name in airframe.names():
         assert list(dangers(AIRFRAMES / name)) == []
@@ -134,7 +134,7 @@ def test_our_own_airframes_are_safe_by_the_same_rules(folder: Path) -> None:
 def test_a_model_that_would_end_the_process_is_one_line(folder: Path, tmp_path: Path) -> None:
     """A property that nobody makes: JSBSim aborts when the model is deleted."""
     replace(folder / MODEL, "aero/alpha-rad", "aero/alfa-rad")
-    program = [sys.executable, "-c", "from testbed.cli import main; main()"]
+    program = [sys.executable, "-c", "from testbed.cli.main import main; main()"]
     words = ["run", "paper-2-turn", "--plant=jsbsim", f"--set=airframes=['{folder}']", "--out=r"]
     done = subprocess.run([*program, *words], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2

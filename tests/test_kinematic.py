@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aircraft.kinematic import KinematicFleet, Lag
-from filters.unicycle import Command, State, step
+from filters.model import Command, State, step
 
 CALM = np.zeros((1, 3))
 ORIGIN = State([0.0], [0.0], [0.0], [0.0])

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.simulate import run
-from testbed.start import generators, places
-from testbed.studies import kink
-from testbed.studies.figures import make
+from testbed.components.initial_conditions import generators, places
+from testbed.simulation.simulate import run
 from testbed.studies.flying import fly_all, notebook
+from testbed.studies.kink import kink
+from testbed.studies.paper.paper import make
 
 SHORT = ("duration_s=0.2",)
 

@@ -9,11 +9,21 @@ from typing import Any
 import pytest
 
 from aircraft.kinematic import KinematicFleet
-from filters.unicycle import Command
-from testbed import catalogue
-from testbed.scenario import Scenario, load, parse
+from filters.model import Command
+from testbed.components import catalogue
+from testbed.scenario.scenario import Scenario, load, parse
 from testbed.studies.flying import Notebook, notebook
-from testbed.studies.ladder import Rung, account, alone, climb, cumulative, markdown, rates, rungs, summary
+from testbed.studies.ladder.ladder import (
+    Rung,
+    account,
+    alone,
+    climb,
+    cumulative,
+    markdown,
+    rates,
+    rungs,
+    summary,
+)
 from testbed.studies.measure import Job, default_starts, override
 
 # Two lags a and b of a scripted vehicle that comes 10 - a - 2b - 3ab + seed close.

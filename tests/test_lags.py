@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load as airframe
-from testbed import catalogue
+from testbed.components import catalogue
 from testbed.errors import UserError
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 MIXED = 'airframes=["x8","rascal"]'
 
@@ -63,5 +63,5 @@ def test_an_airframe_without_identified_channels_cannot_lag(tmp_path) -> None:
     text = (airframe("x8").folder / "airframe.toml").read_text()
     (tmp_path / "airframe.toml").write_text(text[: text.index("[identified]")])
     s = load("paper-2-turn", ["plant=lagged", f'airframes=["{tmp_path.as_posix()}"]'])
-    with pytest.raises(UserError, match=r"x8 has no identified channels; run .*aircraft\.identification"):
+    with pytest.raises(UserError, match=r"x8 has no identified channels; run .*aircraft\.autopilots\.identification"):
         catalogue.lags(s)

@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from filters.barrier import TurnBarrier
-from filters.unicycle import Command, State
-from testbed.ledger import CHANNELS, channel_bounds, residuals, robust_settings, summary
-from testbed.record import Run
-from testbed.scenario import load
-from testbed.simulate import run
-from testbed.store import load as loaded
+from filters.barriers.closed_form import TurnBarrier
+from filters.model import Command, State
+from testbed.measures.hdot_ledger import CHANNELS, channel_bounds, residuals, robust_settings, summary
+from testbed.records.run import Run
+from testbed.records.store import load as loaded
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 FAST = ["manoeuvre_instants=0"]
 

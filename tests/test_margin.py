@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from testbed.errors import UserError
-from testbed.scenario import load, parse
-from testbed.studies import remedies
-from testbed.studies.margin import KNOBS, find, sentence
+from testbed.scenario.scenario import load, parse
+from testbed.studies.margin.margin import KNOBS, find, sentence
 from testbed.studies.measure import Job, override
+from testbed.studies.remedies import remedies
 
 SCENARIO = load("paper-2-turn")
 

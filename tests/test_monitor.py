@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from filters.alpha import cubic, linear
-from filters.barrier import EuclideanBarrier, TurnBarrier
-from filters.collision import CollisionFilter
-from filters.monitor import Check, Monitor, MonitorRecord, _cosines
-from filters.problem import Problem
-from filters.qp import Status
-from filters.rows import limited_rows, shares
-from filters.unicycle import Command, Limits, State, View, step
+from filters.barriers.class_k import cubic, linear
+from filters.barriers.closed_form import EuclideanBarrier, TurnBarrier
+from filters.cbf.collision import CollisionFilter
+from filters.cbf.constraints import limited_rows, shares
+from filters.cbf.problem import Problem
+from filters.cbf.theorem_monitor import Check, Monitor, MonitorRecord, _cosines
+from filters.model import Command, Limits, State, View, step
+from filters.qp.single import Status
 
 OMEGA_MAX = np.deg2rad(13)
 LIMITS = Limits(15.0, 25.0, OMEGA_MAX, 3.9)
@@ -291,7 +291,7 @@ def test_the_monitor_solves_with_the_filters_own_solver(monkeypatch):
         raise AssertionError("only OSQP was to be asked")
 
     for name in ("attempt", "attempt_each"):
-        monkeypatch.setattr(f"filters.active_set.{name}", forbidden)
+        monkeypatch.setattr(f"filters.qp.active_set.{name}", forbidden)
     view, nominal = crowd()
     monitor = Monitor(CollisionFilter(TURN, linear(0.2), solver="osqp"))
     monitor(view, nominal, LIMITS)

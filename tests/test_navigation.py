@@ -6,9 +6,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from filters.navigation import NavigationFilter, _fade
-from filters.qp import Status
-from filters.unicycle import Command, Limits, State, View, step
+from filters.model import Command, Limits, State, View, step
+from filters.qp.single import Status
+from filters.rivals.navigation import NavigationFilter, _fade
 
 LIMITS = Limits(15.0, 25.0, np.deg2rad(13), 3.9)
 

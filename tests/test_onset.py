@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.studies import onset
-from testbed.studies.figures import make
+from testbed.studies.onset import onset
+from testbed.studies.paper.paper import make
 
 
 def test_the_first_time_is_the_first_and_never_is_nan() -> None:

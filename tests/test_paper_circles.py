@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from testbed.record import Run
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.records.run import Run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 QUICK = ["manoeuvre_instants=0", "record_dt_s=1"]
 

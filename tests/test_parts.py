@@ -9,11 +9,11 @@ import pytest
 
 import testbed
 from aircraft.kinematic import KinematicFleet
-from filters.collision import Passthrough
-from filters.unicycle import Array, Command, State
-from testbed.disturbance import Disturbances
-from testbed.scenario import Scenario
-from testbed.wind import SteadyWind
+from filters.cbf.collision import Passthrough
+from filters.model import Array, Command, State
+from testbed.environment.disturbance import Disturbances
+from testbed.environment.wind import SteadyWind
+from testbed.scenario.scenario import Scenario
 
 SHORT = ["duration_s=0.5", "filter_dt_s=0.05", "record_dt_s=0.05"]
 

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 import testbed
-from testbed.record import Run
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.records.run import Run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
-FIGURES = Path(testbed.__file__).parent / "data" / "figures"
+FIGURES = Path(testbed.__file__).parent / "studies" / "paper" / "published"
 DT = 0.005
 
 

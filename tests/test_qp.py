@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from filters import qp
-from filters.qp import Status
+from filters.qp import single
+from filters.qp.single import Status
 
 SOLVERS = ("auto", "osqp")
 
@@ -50,7 +50,7 @@ PROBLEMS = {name: rest for name, *rest in vector_problems()}
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_reference_qps_are_solved_to_1e_6_through_osqp_and_beside_it(name, solver):
     target, rows, rhs, lower, upper, u = PROBLEMS[name]
-    found = qp.solve(target, rows, rhs, lower, upper, solver)
+    found = single.solve(target, rows, rhs, lower, upper, solver)
     assert found.status == Status.SOLVED
     assert found.iterations > 0  # not by the shortcut
     assert found.residual <= 1e-9
@@ -86,7 +86,7 @@ def test_random_qps_satisfy_the_optimality_conditions(n, m, cases, solver):
     rng = np.random.default_rng(n * 1000 + m)
     for _ in range(cases):
         problem = random_problem(rng, n, m)
-        found = qp.solve(*problem, solver)
+        found = single.solve(*problem, solver)
         assert found.status == Status.SOLVED
         assert found.residual <= 1e-6
         assert np.all((found.u >= problem[3]) & (found.u <= problem[4]))
@@ -115,7 +115,7 @@ def test_small_qps_agree_with_the_enumeration_of_all_active_sets(solver):
     rng = np.random.default_rng(4)
     for _ in range(25):
         problem = random_problem(rng, 3, 4)
-        np.testing.assert_allclose(qp.solve(*problem, solver).u, brute_force(*problem), rtol=0, atol=1e-7)
+        np.testing.assert_allclose(single.solve(*problem, solver).u, brute_force(*problem), rtol=0, atol=1e-7)
 
 
 def test_a_medium_qp_agrees_with_slsqp():
@@ -134,11 +134,11 @@ def test_a_medium_qp_agrees_with_slsqp():
         method="SLSQP",
         options={"ftol": 1e-14, "maxiter": 500},
     )
-    np.testing.assert_allclose(qp.solve(target, rows, rhs, lower, upper).u, other.x, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(single.solve(target, rows, rhs, lower, upper).u, other.x, rtol=0, atol=1e-5)
 
 
 def test_a_target_that_satisfies_all_rows_once_clipped_is_returned_without_a_solver():
-    found = qp.solve([30.0, 0.0], [[1.0, 0.0]], [10.0], [15.0, -1.0], [25.0, 1.0])
+    found = single.solve([30.0, 0.0], [[1.0, 0.0]], [10.0], [15.0, -1.0], [25.0, 1.0])
     assert found.status == Status.SOLVED
     assert found.iterations == 0
     np.testing.assert_array_equal(found.u, [25.0, 0.0])
@@ -151,18 +151,20 @@ def test_the_shortcut_agrees_with_the_full_solution():
         clipped = np.clip(target, lower, upper)
         rhs = np.minimum(rhs, rows @ clipped - 0.01)
         norm = np.linalg.norm(rows, axis=1)
-        exact = qp._nearest(target, rows / norm[:, None], rhs / norm, lower, upper, np.ones(5, dtype=bool))
+        exact = single._nearest(
+            target, rows / norm[:, None], rhs / norm, lower, upper, np.ones(5, dtype=bool)
+        )
         np.testing.assert_allclose(exact, clipped, rtol=0, atol=1e-9)
 
 
 def test_a_qp_with_neither_rows_nor_room_works():
-    assert qp.solve([3.0], np.zeros((0, 1)), [], [0.0], [1.0]).u == [1.0]
-    found = qp.solve([0.0, 9.0], [[1.0, 1.0]], [5.0], [2.0, 0.0], [2.0, 9.5])
+    assert single.solve([3.0], np.zeros((0, 1)), [], [0.0], [1.0]).u == [1.0]
+    found = single.solve([0.0, 9.0], [[1.0, 1.0]], [5.0], [2.0, 0.0], [2.0, 9.5])
     np.testing.assert_allclose(found.u, [2.0, 9.0])
 
 
 def test_entries_with_equal_limits_are_kept_at_them():
-    found = qp.solve([0.0, 0.0], [[1.0, 1.0]], [5.0], [2.0, 0.0], [2.0, 9.5])
+    found = single.solve([0.0, 0.0], [[1.0, 1.0]], [5.0], [2.0, 0.0], [2.0, 9.5])
     assert found.status == Status.SOLVED
     np.testing.assert_allclose(found.u, [2.0, 3.0], atol=1e-9)
 
@@ -172,7 +174,7 @@ def test_entries_in_no_row_keep_their_target_to_the_last_bit():
     target, rows, rhs, lower, upper = random_problem(rng, 6, 3)
     target[[2, 5]] = 0.1, 9.9
     rows[:, [2, 5]] = 0.0
-    found = qp.solve(target, rows, rhs - 1e-3, lower, upper)
+    found = single.solve(target, rows, rhs - 1e-3, lower, upper)
     assert found.iterations > 0
     np.testing.assert_array_equal(found.u[[2, 5]], np.clip(target, lower, upper)[[2, 5]])
 
@@ -180,13 +182,13 @@ def test_entries_in_no_row_keep_their_target_to_the_last_bit():
 def test_refinement_starts_from_nothing_as_well():
     # Every constraint slack at the target: scipy's nnls must not be called without columns (it crashes).
     t, lo, hi = np.zeros(2), -np.ones(2), np.ones(2)
-    exact = qp._nearest(t, np.eye(2), np.full(2, -0.5), lo, hi, None)
+    exact = single._nearest(t, np.eye(2), np.full(2, -0.5), lo, hi, None)
     np.testing.assert_array_equal(exact, t)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_contradiction_is_infeasible_and_returns_the_least_bad_input(solver):
-    found = qp.solve([0.0, 0.0], [[1.0, 0.0], [-1.0, 0.0]], [0.3, 0.1], [-1.0, -1.0], [1.0, 1.0], solver)
+    found = single.solve([0.0, 0.0], [[1.0, 0.0], [-1.0, 0.0]], [0.3, 0.1], [-1.0, -1.0], [1.0, 1.0], solver)
     assert found.status == Status.INFEASIBLE
     assert found.margin == pytest.approx(-0.2, abs=1e-7)
     assert found.residual == pytest.approx(0.2, abs=1e-7)
@@ -198,28 +200,28 @@ def test_a_contradiction_is_infeasible_and_returns_the_least_bad_input(solver):
 @pytest.mark.parametrize("gap", [0.0, 1e-8, 1e-4])
 def test_rows_that_leave_a_sliver_are_solved_not_called_infeasible(gap, solver):
     rows = np.array([[1.0, 200.0], [-1.0, -200.0]])
-    found = qp.solve([40.0, -3.0], rows, [20.0, -20.0 - gap], [15.0, -0.2], [25.0, 0.2], solver)
+    found = single.solve([40.0, -3.0], rows, [20.0, -20.0 - gap], [15.0, -0.2], [25.0, 0.2], solver)
     assert found.status == Status.SOLVED
     assert found.residual <= 1e-6
 
 
 def test_infeasible_is_not_taken_from_osqp_on_trust(monkeypatch):
     target, rows, rhs, lower, upper = random_problem(np.random.default_rng(7), 6, 4)
-    honest = qp.solve(target, rows, rhs, lower, upper, "osqp")
+    honest = single.solve(target, rows, rhs, lower, upper, "osqp")
     assert honest.iterations > 0
     monkeypatch.setattr(
-        qp, "_osqp", lambda t, A, b, lo, hi, **_: (np.clip(t, lo, hi), np.zeros(b.size), 1, True)
+        single, "_osqp", lambda t, A, b, lo, hi, **_: (np.clip(t, lo, hi), np.zeros(b.size), 1, True)
     )
-    found = qp.solve(target, rows, rhs, lower, upper, "osqp")
+    found = single.solve(target, rows, rhs, lower, upper, "osqp")
     assert found.status == Status.SOLVED
     np.testing.assert_allclose(found.u, honest.u, rtol=0, atol=1e-7)
 
 
 def test_a_bad_osqp_answer_is_refined_to_the_exact_one(monkeypatch):
     problem = random_problem(np.random.default_rng(8), 9, 12)
-    honest = qp.solve(*problem, "osqp")
-    monkeypatch.setattr(qp, "_osqp", lambda t, A, *_, **__: (t * 0, np.ones(len(A)), 4000, False))
-    found = qp.solve(*problem, "osqp")
+    honest = single.solve(*problem, "osqp")
+    monkeypatch.setattr(single, "_osqp", lambda t, A, *_, **__: (t * 0, np.ones(len(A)), 4000, False))
+    found = single.solve(*problem, "osqp")
     assert found.refined and found.status == Status.SOLVED
     np.testing.assert_allclose(found.u, honest.u, rtol=0, atol=1e-7)
 
@@ -230,32 +232,32 @@ def test_a_bad_osqp_answer_is_refined_to_the_exact_one(monkeypatch):
 def test_status_and_residual_never_contradict_each_other(solver, seed, n, m):
     problem = random_problem(np.random.default_rng(seed), n, m, feasible=False)
     _, rows, rhs, lower, upper = problem
-    found = qp.solve(*problem, solver)
+    found = single.solve(*problem, solver)
     assert np.all((found.u >= lower) & (found.u <= upper))
-    assert found.residual == qp.violation(found.u, rows, rhs)
-    margin, _ = qp.best_margin(rows, rhs, lower, upper)
-    assert found.status == (Status.SOLVED if found.residual <= qp.RESIDUAL else Status.INFEASIBLE)
+    assert found.residual == single.violation(found.u, rows, rhs)
+    margin, _ = single.best_margin(rows, rhs, lower, upper)
+    assert found.status == (Status.SOLVED if found.residual <= single.RESIDUAL else Status.INFEASIBLE)
     if found.status == Status.INFEASIBLE:
         assert margin < 0
     else:
-        assert margin >= -qp.RESIDUAL
+        assert margin >= -single.RESIDUAL
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_solutions_do_not_depend_on_what_was_solved_before(solver):
     rng = np.random.default_rng(9)
     problems = [random_problem(rng, 12, 8) for _ in range(4)]
-    first = [qp.solve(*p, solver).u.tobytes() for p in problems]
-    backwards = [qp.solve(*p, solver).u.tobytes() for p in problems[::-1]][::-1]
+    first = [single.solve(*p, solver).u.tobytes() for p in problems]
+    backwards = [single.solve(*p, solver).u.tobytes() for p in problems[::-1]][::-1]
     assert first == backwards
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_numbers_that_are_not_finite_are_refused(bad):
     with pytest.raises(ValueError, match="rhs of a QP must be finite"):
-        qp.solve([0.0], [[1.0]], [bad], [-1.0], [1.0])
+        single.solve([0.0], [[1.0]], [bad], [-1.0], [1.0])
     with pytest.raises(ValueError, match="rows of a QP must be finite"):
-        qp.solve([0.0], [[bad]], [0.0], [-1.0], [1.0])
+        single.solve([0.0], [[bad]], [0.0], [-1.0], [1.0])
 
 
 @pytest.mark.parametrize("name", ["target", "rows", "rhs", "lower", "upper"])
@@ -263,29 +265,29 @@ def test_what_is_not_finite_is_named_with_its_value(name):
     given = {"target": [0.0], "rows": [[1.0]], "rhs": [0.0], "lower": [-1.0], "upper": [1.0]}
     given[name] = np.full_like(given[name], np.inf)
     with pytest.raises(ValueError, match=f"^the {name} of a QP must be finite, got inf"):
-        qp.solve(**given)
+        single.solve(**given)
 
 
 @pytest.mark.parametrize(("lower", "upper"), [([1.0], [-1.0]), ([0.0, 0.0], [1.0]), ([0.0], [1.0, 1.0])])
 def test_limits_that_cross_or_do_not_fit_are_refused(lower, upper):
     with pytest.raises(ValueError, match="a QP needs 1 limits with lower <= upper, got "):
-        qp.solve([0.0], [[1.0]], [0.0], lower, upper)
+        single.solve([0.0], [[1.0]], [0.0], lower, upper)
 
 
 def test_a_solver_that_does_not_exist_is_refused():
     with pytest.raises(ValueError, match="unknown QP solver 'cvx'; choose one of auto, osqp"):
-        qp.solve([0.0], [[1.0]], [0.0], [-1.0], [1.0], "cvx")
+        single.solve([0.0], [[1.0]], [0.0], [-1.0], [1.0], "cvx")
 
 
 def test_whole_numbers_are_no_reason_to_answer_in_whole_numbers():
-    found = qp.solve([0, 0, 9], [[2, 0, 0]], [3], [-9, -9, -9], [9, 9, 9])
+    found = single.solve([0, 0, 9], [[2, 0, 0]], [3], [-9, -9, -9], [9, 9, 9])
     np.testing.assert_allclose(found.u, [1.5, 0.0, 9.0], atol=1e-9)
-    margin, u = qp.best_margin([[1, 1]], [1], [0, 0], [2, 1])
+    margin, u = single.best_margin([[1, 1]], [1], [0, 0], [2, 1])
     assert margin == pytest.approx(2.0) and u == pytest.approx([2.0, 1.0])
 
 
 def test_exactly_on_its_rows_a_target_needs_no_solver():
-    found = qp.solve([2.0, 1.0], [[1.0, 0.0], [0.0, -3.0]], [2.0, -3.0], [0.0, 0.0], [3.0, 3.0])
+    found = single.solve([2.0, 1.0], [[1.0, 0.0], [0.0, -3.0]], [2.0, -3.0], [0.0, 0.0], [3.0, 3.0])
     assert (found.status, found.iterations, found.residual) == (Status.SOLVED, 0, 0.0)
     assert found.u.tolist() == [2.0, 1.0]
 
@@ -293,26 +295,26 @@ def test_exactly_on_its_rows_a_target_needs_no_solver():
 def test_limits_that_leave_no_choice_are_the_answer_and_the_residual_is_what_is_short():
     rows, fixed = [[1.0, 1.0]], [2.0, 1.0]
     for rhs, status, short in ((3.0 + 1e-7, Status.SOLVED, 1e-7), (3.5, Status.INFEASIBLE, 0.5)):
-        found = qp.solve([0.0, 0.0], rows, [rhs], fixed, fixed)
+        found = single.solve([0.0, 0.0], rows, [rhs], fixed, fixed)
         assert (found.status, found.iterations, found.refined) == (status, 0, False)
         assert found.u.tolist() == fixed
         assert found.residual == pytest.approx(short) and found.margin == pytest.approx(-short)
 
 
 def test_the_residual_of_a_qp_with_fixed_entries_counts_them():
-    found = qp.solve([0.0, 0.0], [[1.0, 1.0]], [9.0], [2.0, 0.0], [2.0, 3.0])
+    found = single.solve([0.0, 0.0], [[1.0, 1.0]], [9.0], [2.0, 0.0], [2.0, 3.0])
     assert found.status == Status.INFEASIBLE
     assert found.residual == pytest.approx(4.0) and found.u == pytest.approx([2.0, 3.0])
 
 
 def test_the_largest_common_margin_has_known_values():
     # Between walls at 1 and -0.2 that face each other the best is the middle, and nothing else matters.
-    margin, u = qp.best_margin([[1.0, 0.0], [-1.0, 0.0]], [1.0, 0.2], [-3.0, -2.0], [9.0, 5.0])
+    margin, u = single.best_margin([[1.0, 0.0], [-1.0, 0.0]], [1.0, 0.2], [-3.0, -2.0], [9.0, 5.0])
     assert margin == pytest.approx(-0.6) and u[0] == pytest.approx(0.4)
     # A row as large as may be: the far corner of an unequal box.
-    margin, u = qp.best_margin([[2.0, -100.0]], [7.0], [1.0, -3.0], [4.0, 5.0])
+    margin, u = single.best_margin([[2.0, -100.0]], [7.0], [1.0, -3.0], [4.0, 5.0])
     assert margin == pytest.approx(8.0 + 300.0 - 7.0) and u == pytest.approx([4.0, -3.0])
-    margin, u = qp.best_margin(np.zeros((0, 2)), [], [1.0, -3.0], [4.0, 5.0])
+    margin, u = single.best_margin(np.zeros((0, 2)), [], [1.0, -3.0], [4.0, 5.0])
     assert margin == np.inf and u.tolist() == [2.5, 1.0]
 
 
@@ -324,10 +326,10 @@ def forbidden(*_, **__):
 def test_auto_asks_the_active_set_method_and_osqp_only_if_that_fails(monkeypatch, least):
     problem = [0.5, -1.0], [[1.0, 1.0]], [5.0], [least, 0.0], [2.0, 9.5]
     with monkeypatch.context() as patch:
-        patch.setattr(qp, "_osqp", forbidden)
-        auto = qp.solve(*problem)
-    monkeypatch.setattr(qp.active_set, "attempt", forbidden)
-    osqp = qp.solve(*problem, "osqp")
+        patch.setattr(single, "_osqp", forbidden)
+        auto = single.solve(*problem)
+    monkeypatch.setattr(single.active_set, "attempt", forbidden)
+    osqp = single.solve(*problem, "osqp")
     assert auto.status == osqp.status == Status.SOLVED
     assert auto.iterations > 0 and not auto.refined
     np.testing.assert_allclose(auto.u, osqp.u, rtol=0, atol=1e-8)
@@ -345,34 +347,34 @@ def lying(u, dual, used, claims_infeasible=False):
 
 def test_a_poor_answer_is_refined_at_once_and_its_iterations_count(monkeypatch):
     problem = random_problem(np.random.default_rng(12), 6, 5)
-    right = qp.solve(*problem)
-    monkeypatch.setattr(qp, "_osqp", forbidden)
-    monkeypatch.setattr(qp.active_set, "attempt", lying(np.zeros_like, 0.0, 7))
-    found = qp.solve(*problem)
+    right = single.solve(*problem)
+    monkeypatch.setattr(single, "_osqp", forbidden)
+    monkeypatch.setattr(single.active_set, "attempt", lying(np.zeros_like, 0.0, 7))
+    found = single.solve(*problem)
     assert (found.status, found.refined, found.iterations) == (Status.SOLVED, True, 7)
-    assert found.residual == qp.violation(found.u, problem[1], problem[2])
+    assert found.residual == single.violation(found.u, problem[1], problem[2])
     np.testing.assert_allclose(found.u, right.u, rtol=0, atol=1e-8)
 
 
 def test_when_all_solvers_claim_there_is_no_input_and_a_program_finds_one_it_is_refined(monkeypatch):
     problem = random_problem(np.random.default_rng(13), 6, 5)
-    right = qp.solve(*problem)
-    for module, name in ((qp.active_set, "attempt"), (qp, "_osqp")):
+    right = single.solve(*problem)
+    for module, name in ((single.active_set, "attempt"), (single, "_osqp")):
         monkeypatch.setattr(module, name, lying(np.zeros_like, 0.0, 7, True))
-    found = qp.solve(*problem)
+    found = single.solve(*problem)
     assert (found.status, found.refined, found.iterations) == (Status.SOLVED, True, 21)
-    assert found.margin == qp.best_margin(*problem[1:])[0] >= 0.0
+    assert found.margin == single.best_margin(*problem[1:])[0] >= 0.0
     assert found.residual <= 1e-9
     np.testing.assert_allclose(found.u, right.u, rtol=0, atol=1e-8)
 
 
 def test_what_nothing_finds_though_it_exists_is_the_iteration_limit(monkeypatch):
     problem = random_problem(np.random.default_rng(14), 6, 5)
-    for module, name in ((qp.active_set, "attempt"), (qp, "_osqp")):
+    for module, name in ((single.active_set, "attempt"), (single, "_osqp")):
         monkeypatch.setattr(module, name, lying(np.zeros_like, 1.0, 7))
-    monkeypatch.setattr(qp, "_nearest", lambda *_: None)
-    found = qp.solve(*problem)
-    margin, u = qp.best_margin(*problem[1:])
+    monkeypatch.setattr(single, "_nearest", lambda *_: None)
+    found = single.solve(*problem)
+    margin, u = single.best_margin(*problem[1:])
     assert (found.status, found.refined, found.iterations) == (Status.ITERATION_LIMIT, False, 21)
     assert (found.margin, found.residual) == (margin, 0.0)
     np.testing.assert_array_equal(found.u, u)
@@ -380,13 +382,15 @@ def test_what_nothing_finds_though_it_exists_is_the_iteration_limit(monkeypatch)
 
 def test_rows_that_contradict_each_other_by_less_than_the_residual_give_way_by_so_much():
     rows = np.array([[1.0, 200.0], [-1.0, -200.0]])
-    gap = 0.95 * qp.RESIDUAL
-    found = qp.solve([40.0, -3.0], rows, [20.0, -20.0 + gap], [15.0, -0.2], [25.0, 0.2])
+    gap = 0.95 * single.RESIDUAL
+    found = single.solve([40.0, -3.0], rows, [20.0, -20.0 + gap], [15.0, -0.2], [25.0, 0.2])
     assert (found.status, found.refined) == (Status.SOLVED, True)
     assert found.margin == pytest.approx(-0.5 * gap, rel=1e-3)
-    assert 0.5 * gap * (1 - 1e-6) <= found.residual == qp.violation(found.u, rows, np.r_[20.0, -20.0 + gap])
-    assert found.residual <= qp.RESIDUAL and isinstance(found.iterations, int)
-    exact = qp.solve([40.0, -3.0], rows, [20.0, -20.0], [15.0, -0.2], [25.0, 0.2])
+    assert (
+        0.5 * gap * (1 - 1e-6) <= found.residual == single.violation(found.u, rows, np.r_[20.0, -20.0 + gap])
+    )
+    assert found.residual <= single.RESIDUAL and isinstance(found.iterations, int)
+    exact = single.solve([40.0, -3.0], rows, [20.0, -20.0], [15.0, -0.2], [25.0, 0.2])
     np.testing.assert_allclose(found.u, exact.u, rtol=0, atol=1e-5)
 
 
@@ -394,13 +398,13 @@ def test_osqp_itself_answers_with_multipliers_iterations_and_silence(capfd):
     # The nearest point to (3, 1) with x <= 1 is (1, 1), pulled by a force of 2.
     target, rows, rhs = np.array([3.0, 1.0]), np.array([[-1.0, 0.0], [0.0, 1.0]]), np.array([-1.0, -5.0])
     box = np.full(2, -9.0), np.full(2, 9.0)
-    u, dual, used, infeasible = qp._osqp(target, rows, rhs, *box, tolerance=1e-9, most=20_000)
+    u, dual, used, infeasible = single._osqp(target, rows, rhs, *box, tolerance=1e-9, most=20_000)
     np.testing.assert_allclose(u, [1.0, 1.0], atol=1e-7)
     np.testing.assert_allclose(dual, [2.0, 0.0], atol=1e-7)
     assert 0 < used <= 20_000 and infeasible is False
-    assert qp._osqp(target, rows, rhs, *box, tolerance=1e-9, most=1)[2] == 1
+    assert single._osqp(target, rows, rhs, *box, tolerance=1e-9, most=1)[2] == 1
     outside, beyond = np.array([30.0, -30.0]), np.array([10.0, 0.0])
-    u, dual, _, infeasible = qp._osqp(outside, -rows, beyond, *box, tolerance=1e-9, most=20_000)
+    u, dual, _, infeasible = single._osqp(outside, -rows, beyond, *box, tolerance=1e-9, most=20_000)
     assert infeasible is True and u.tolist() == [9.0, -9.0] and dual.tolist() == [0.0, 0.0]
     assert capfd.readouterr().out == ""
 
@@ -415,17 +419,17 @@ def test_the_error_is_zero_at_the_optimum_and_the_distance_from_its_conditions_e
         ([1.0, 1.0], [1.0, 0.0], 1.0),  # too little force
         ([1.0, 1.25], [2.0, 0.25], 0.25),  # a force of a row that is far away
     ):
-        assert qp._error(np.array(u), np.array(dual), t, A, b, lo, hi) == error
+        assert single._error(np.array(u), np.array(dual), t, A, b, lo, hi) == error
     # pressed against the box, any force outwards is right
     for edge in (9.0, -9.0):
         u, target = np.array([edge, 1.0]), np.array([10 * edge, 1.0])
-        assert qp._error(u, np.zeros(2), target, -A, b - 9.0, lo, hi) == 0.0
+        assert single._error(u, np.zeros(2), target, -A, b - 9.0, lo, hi) == 0.0
 
 
 def test_a_row_of_zeros_is_a_statement_about_its_right_hand_side():
     rows, box = [[0.0, 0.0], [1.0, 1.0]], ([0.0, 0.0], [4.0, 9.0])
-    np.testing.assert_allclose(qp.solve([0.0, 1.0], rows, [-1.0, 5.0], *box).u, [2.0, 3.0], atol=1e-9)
-    found = qp.solve([0.0, 1.0], rows, [0.25, 5.0], *box)
+    np.testing.assert_allclose(single.solve([0.0, 1.0], rows, [-1.0, 5.0], *box).u, [2.0, 3.0], atol=1e-9)
+    found = single.solve([0.0, 1.0], rows, [0.25, 5.0], *box)
     assert (found.status, found.residual) == (Status.INFEASIBLE, pytest.approx(0.25))
 
 
@@ -434,8 +438,8 @@ def test_refinement_ends_at_the_optimum_wherever_it_starts(guess):
     # The box holds the first entry at 2, the first row the sum at 5, the second row nothing.
     t, lo, hi = np.array([9.0, 0.0]), np.array([0.0, 0.0]), np.array([2.0, 9.0])
     A, b = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([5.0, 1.0])
-    np.testing.assert_allclose(qp._nearest(t, A, b, lo, hi, guess), [2.0, 3.0], atol=1e-12)
-    assert qp._nearest(t, A, np.array([12.0, 1.0]), lo, hi, guess) is None
+    np.testing.assert_allclose(single._nearest(t, A, b, lo, hi, guess), [2.0, 3.0], atol=1e-12)
+    assert single._nearest(t, A, np.array([12.0, 1.0]), lo, hi, guess) is None
 
 
 def test_sparse_rows_are_accepted():
@@ -444,5 +448,5 @@ def test_sparse_rows_are_accepted():
     rows = np.array([[1.0, 1.0]])
     args = ([0.0, 0.0], [1.0], [-1.0, -1.0], [1.0, 1.0])
     np.testing.assert_array_equal(
-        qp.solve(args[0], csr_array(rows), *args[1:]).u, qp.solve(args[0], rows, *args[1:]).u
+        single.solve(args[0], csr_array(rows), *args[1:]).u, single.solve(args[0], rows, *args[1:]).u
     )

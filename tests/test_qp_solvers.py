@@ -5,14 +5,14 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
-from filters import active_set, qp
-from filters.alpha import cubic
-from filters.barrier import TurnBarrier
-from filters.collision import CollisionFilter
-from filters.infeasible import impossible
-from filters.qp import Status
-from filters.qp_each import solve_each
-from filters.unicycle import Command, Limits, State, View, step
+from filters.barriers.class_k import cubic
+from filters.barriers.closed_form import TurnBarrier
+from filters.cbf.collision import CollisionFilter
+from filters.model import Command, Limits, State, View, step
+from filters.qp import active_set, single
+from filters.qp.batch import solve_each
+from filters.qp.infeasibility import impossible
+from filters.qp.single import Status
 
 CENTRE, HALF = np.array([20.0, 0.0, 0.0]), np.array([5.0, 0.2269, 3.9])
 OMEGA_MAX = np.deg2rad(13)
@@ -54,10 +54,10 @@ def test_both_solvers_agree(kind):
     for n, m, cases in ((3, 2, 100), (3, 6, 100), (3, 19, 60), (12, 20, 15), (60, 100, 2)):
         for _ in range(cases):
             problem = degenerate(rng, kind, n, m)
-            ours, osqp = (qp.solve(*problem, solver) for solver in ("auto", "osqp"))
+            ours, osqp = (single.solve(*problem, solver) for solver in ("auto", "osqp"))
             assert ours.status == osqp.status
             assert (ours.status == Status.INFEASIBLE) <= (kind == "contradictory")
-            assert max(ours.residual, osqp.residual) <= qp.RESIDUAL or ours.status != Status.SOLVED
+            assert max(ours.residual, osqp.residual) <= single.RESIDUAL or ours.status != Status.SOLVED
             # healthy 1e-10, a wrong active set > 1e-3
             np.testing.assert_allclose(ours.u, osqp.u, rtol=0, atol=1e-8)
 
@@ -80,7 +80,7 @@ def test_many_qps_at_once_are_the_same_qps_one_by_one(seed):
     problems, together = by_vehicle(np.random.default_rng(seed), 25)
     u, status = solve_each(*together)
     for v, problem in enumerate(problems):
-        alone = qp.solve(*problem)
+        alone = single.solve(*problem)
         assert status[v] == alone.status
         np.testing.assert_allclose(u[v], alone.u, rtol=0, atol=1e-9)
 
@@ -106,7 +106,7 @@ def test_entries_without_a_choice_or_a_row_keep_their_value_to_the_last_bit():
     assert u[4, 1] == 0.05
     for v in np.flatnonzero(status == Status.SOLVED):
         mine = owner == v
-        alone = qp.solve(target[v], rows[mine], rhs[mine] - 50.0, lower[v], upper[v])
+        alone = single.solve(target[v], rows[mine], rhs[mine] - 50.0, lower[v], upper[v])
         np.testing.assert_allclose(u[v], alone.u, rtol=0, atol=1e-9)
 
 
@@ -129,10 +129,10 @@ def test_ordinary_qps_are_all_solved_in_the_one_pass(seed, monkeypatch):
     expected = []
     for v in range(15):
         mine = owner == v
-        expected.append(qp.solve(target[v], rows[mine], rhs[mine], lower[v], upper[v], "osqp"))
+        expected.append(single.solve(target[v], rows[mine], rhs[mine], lower[v], upper[v], "osqp"))
     assert all(e.status == Status.SOLVED for e in expected)
-    asked, solve = [], qp.solve
-    monkeypatch.setattr(qp, "solve", lambda *of: asked.append(of) or solve(*of))
+    asked, solve = [], single.solve
+    monkeypatch.setattr(single, "solve", lambda *of: asked.append(of) or solve(*of))
     u, status = solve_each(target, owner, rows, rhs, lower, upper)
     np.testing.assert_array_equal(status, Status.SOLVED)
     np.testing.assert_allclose(u, [e.u for e in expected], rtol=0, atol=1e-8)
@@ -145,7 +145,7 @@ def test_an_entry_without_a_choice_counts_in_its_rows_in_the_one_pass(monkeypatc
     target = np.array([[0.0, 0.0, 0.0], [9.0, 9.0, 9.0]])
     rows, owner = np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]]), np.array([0, 1])
     lower, upper = np.tile([2.0, -9.0, -9.0], (2, 1)), np.tile([2.0, 9.0, 9.0], (2, 1))
-    monkeypatch.setattr(qp, "solve", forbidden)
+    monkeypatch.setattr(single, "solve", forbidden)
     u, status = solve_each(target, owner, rows, np.array([5.0, -1.0]), lower, upper)
     np.testing.assert_array_equal(status, Status.SOLVED)
     np.testing.assert_allclose(u, [[2.0, 3.0, 0.0], [2.0, -1.0, 9.0]], atol=1e-10)
@@ -240,7 +240,7 @@ def test_the_active_set_solver_is_not_taken_on_trust(lie, monkeypatch):
     u, status = solve_each(*together)
     np.testing.assert_array_equal(status, honest_status)
     np.testing.assert_allclose(u, honest, rtol=0, atol=1e-7)
-    np.testing.assert_allclose(qp.solve(*problems[0]).u, honest[0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(single.solve(*problems[0]).u, honest[0], rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -255,7 +255,7 @@ def test_numbers_that_are_not_finite_are_refused(field, bad):
 
 def test_an_unknown_solver_is_refused_by_name():
     with pytest.raises(ValueError, match="unknown QP solver 'fast'"):
-        qp.solve([0.0], [[1.0]], [0.0], [-1.0], [1.0], "fast")
+        single.solve([0.0], [[1.0]], [0.0], [-1.0], [1.0], "fast")
     with pytest.raises(ValueError, match="unknown QP solver 'fast'"):
         CollisionFilter(TurnBarrier(16.0, 0.2, 5.0), cubic(0.1), solver="fast")
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import testbed
-from testbed.refly import refly
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.refly import refly
+from testbed.simulation.simulate import run
 from tests.forgery import copied, differing, edit_cell, edit_entry, edit_manifest, entry, read, seal
 
 NEAR = ["radius_m=60", "lookahead_m=10", "duration_s=2", "filter_dt_s=0.05", "record_dt_s=0.1"]
@@ -83,7 +83,7 @@ def test_of_other_versions_nobody_can_tell(flown: Path, tmp_path: Path) -> None:
 
 
 def test_parts_of_ones_own_are_not_flown_again(tmp_path: Path) -> None:
-    from testbed import catalogue
+    from testbed.components import catalogue
 
     parts = testbed.Parts(filter=lambda s, b, goal: catalogue.filter_(s, b, goal))
     run(load("paper-2-turn", ["duration_s=0.1", "manoeuvre_instants=0"]), tmp_path / "run", parts=parts)

@@ -18,7 +18,7 @@ from testbed.regression.judging import DEGRADED, IMPROVED, WITHIN, findings
 from testbed.regression.quantities import Quantity, quantities
 from testbed.regression.recording import record, rung_fields
 from testbed.regression.tolerance import ALPHA_RECORDED, compare, holm, seeds_needed, tolerance
-from testbed.scenario import load
+from testbed.scenario.scenario import load
 from testbed.studies.measure import Job
 
 DISTANCE = Quantity("separation", "m", -1, 0.01)

@@ -15,7 +15,7 @@ from testbed.regression import recording
 from testbed.regression.plugin import FidelityBaseline
 from testbed.regression.quantities import quantities
 from testbed.regression.recording import record
-from testbed.scenario import load
+from testbed.scenario.scenario import load
 from testbed.studies.measure import Job
 
 # The flights of that project cost nothing: aircraft come half a metre closer where the scenario says so.
@@ -71,7 +71,7 @@ def test_a_project_without_baselines_is_told_how_to_begin(tmp_path: Path) -> Non
 def test_pytest_finds_the_plugin_and_starts_light() -> None:
     """Every project that has the testbed installed loads it at every start of pytest."""
     (found,) = [e for e in entry_points(group="pytest11") if e.name == "fidelity"]
-    heavy = ("numpy", "pandas", "scipy", "pydantic", "jsbsim", "rich", "testbed.scenario")
+    heavy = ("numpy", "pandas", "scipy", "pydantic", "jsbsim", "rich", "testbed.scenario.scenario")
     code = f"import pytest, sys, {found.value}; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd="/")
     assert done.stdout.strip() == "[]"

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from aircraft import gains
 from aircraft.airframe import load
+from aircraft.autopilots import gains
 from testbed.regression.plugin import FidelityBaseline
 
 BASELINES = Path(__file__).parent / "baselines"

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
-from aircraft.fleet import JsbsimFleet
+from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.kinematic import KinematicFleet, Lag
 from aircraft.plant import Plant
 from aircraft.replay import Replay
-from filters.unicycle import Command, State
-from testbed.scenario import load as load_scenario
-from testbed.simulate import run
+from filters.model import Command, State
+from testbed.scenario.scenario import load as load_scenario
+from testbed.simulation.simulate import run
 
 DT = 0.005
 START = State([0.0, 60.0], [0.0, 5.0], [0.0, 3.0], [0.0, 1.0])

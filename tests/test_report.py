@@ -16,15 +16,15 @@ import pandas as pd
 import pytest
 
 from aircraft.kinematic import KinematicFleet
-from testbed import catalogue
-from testbed.comparison import compare
+from testbed.components import catalogue
 from testbed.errors import UserError
-from testbed.record import Run
+from testbed.records.run import Run
 from testbed.report import blocks, page, playback, run_part, scorecard
 from testbed.report.blocks import Part, Section, Table
 from testbed.report.style import style
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
+from testbed.studies.comparison.comparison import compare
 
 SHORT = ["duration_s=0.5", "manoeuvre_instants=0"]
 DATA = Path(__file__).parent.parent / "docs" / "guide" / "data"

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.comparison import Comparison, compare
 from testbed.report import run_part
 from testbed.report.page import page as page_of
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
+from testbed.studies.comparison.comparison import Comparison, compare
 
 pytestmark = pytest.mark.slow
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

@@ -14,11 +14,11 @@ import pytest
 from aircraft.airframe import copy
 from testbed.campaigns import identity
 from testbed.errors import UserError
-from testbed.scenario import load
-from testbed.studies import margin as margins
-from testbed.studies import remedies
+from testbed.scenario.scenario import load
 from testbed.studies.flying import Notebook, notebook
+from testbed.studies.margin import margin as margins
 from testbed.studies.measure import Job, keys, override
+from testbed.studies.remedies import remedies
 
 SETTINGS = ["duration_s=1", "filter_dt_s=0.05", "record_dt_s=0.05"]
 
@@ -111,7 +111,7 @@ def test_changed_code_or_packages_are_another_run(monkeypatch: pytest.MonkeyPatc
     other = tmp_path / "changed.py"
     other.write_text("")
     files = identity.modules("testbed.studies.measure")
-    assert {f.name for f in files} >= {"measure.py", "simulate.py", "fleet.py", "rows.py"}
+    assert {f.name for f in files} >= {"measure.py", "simulate.py", "fleet.py", "constraints.py"}
     monkeypatch.setattr(identity, "modules", lambda start: [*files[:-1], other])
     monkeypatch.setattr(identity, "ROOT", Path("/"))
     assert fresh("testbed.studies.measure") != now

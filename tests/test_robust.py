@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aircraft.kinematic import KinematicFleet, Lag
-from filters.airmass import AirMass
-from filters.alpha import cubic, linear
-from filters.barrier import TurnBarrier
-from filters.collision import CollisionFilter, Passthrough
-from filters.predicted import Horizon, LaggedPose, Predicted
-from filters.qp import Status
-from filters.robust import BoundedError, InputToState, Sum
-from filters.rows import barrier_rows, limited_rows, shares
-from filters.unicycle import Command, Limits, State, View, step
+from filters.barriers.class_k import cubic, linear
+from filters.barriers.closed_form import TurnBarrier
+from filters.cbf.collision import CollisionFilter, Passthrough
+from filters.cbf.constraints import barrier_rows, limited_rows, shares
+from filters.model import Command, Limits, State, View, step
+from filters.qp.single import Status
+from filters.wrappers.air_mass import AirMass
+from filters.wrappers.pose_prediction import Horizon, LaggedPose, Predicted
+from filters.wrappers.row_margins import BoundedError, InputToState, Sum
 
 OMEGA_MAX = np.deg2rad(13)
 LIMITS = Limits(15.0, 25.0, OMEGA_MAX, 3.9)

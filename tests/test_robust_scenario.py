@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from filters.airmass import AirMass
-from filters.collision import CollisionFilter
-from filters.predicted import Horizon, LaggedPose, Predicted
-from filters.robust import BoundedError, InputToState, Sum
-from filters.unicycle import State
-from testbed import catalogue
+from filters.cbf.collision import CollisionFilter
+from filters.model import State
+from filters.wrappers.air_mass import AirMass
+from filters.wrappers.pose_prediction import Horizon, LaggedPose, Predicted
+from filters.wrappers.row_margins import BoundedError, InputToState, Sum
+from testbed.components import catalogue
 from testbed.errors import UserError
-from testbed.record import Run
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.records.run import Run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 # Long enough to pass each other, at 20 Hz: what is compared here does not need more.
 QUICK = [

@@ -12,12 +12,18 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from filters import minimum
-from filters.barrier import EuclideanBarrier, ForwardDifference, StraightBarrier, TurnBarrier, all_pairs
-from filters.minimum import NotLocated, global_minimum
-from filters.rollout import PremiseNotMet, RolloutBarrier
-from filters.safety import Motion, SquaredRange
-from filters.unicycle import Command, State, step
+from filters.barriers import global_minimum as search
+from filters.barriers.closed_form import (
+    EuclideanBarrier,
+    ForwardDifference,
+    StraightBarrier,
+    TurnBarrier,
+    all_pairs,
+)
+from filters.barriers.global_minimum import NotLocated, global_minimum
+from filters.barriers.range_functions import Motion, SquaredRange
+from filters.barriers.rollout import PremiseNotMet, RolloutBarrier
+from filters.model import Command, State, step
 
 DS = 5.0
 MIXED = Command(
@@ -377,7 +383,7 @@ def test_turn_rates_of_a_ratio_up_to_64_have_a_period():
 
 
 def test_a_minimum_that_outgrows_memory_is_refused_naming_the_pair_and_the_horizon(monkeypatch):
-    monkeypatch.setattr(minimum, "CELL_LIMIT", 1000)
+    monkeypatch.setattr(search, "CELL_LIMIT", 1000)
     gamma = Command(np.full(3, 16.0), [0.2, 0.0, -0.2], [5.0, 0.0, 5.001])
     state = random_state(np.random.default_rng(28), 3)
     with pytest.raises(
@@ -431,7 +437,7 @@ def test_the_time_found_never_leaves_the_interval_of_a_function_without_period()
 
 
 def test_a_search_that_outgrows_memory_names_its_function(monkeypatch):
-    monkeypatch.setattr(minimum, "CELL_LIMIT", 1000)
+    monkeypatch.setattr(search, "CELL_LIMIT", 1000)
     # The second is flat, but its bound says that it could dip anywhere.
     value, slope, bound = dips([0.3, 0.3], [0.1, 0.1], [1.0, 0.0], 1.0)
     bound[1] = 1e9
@@ -448,7 +454,9 @@ def test_the_bound_on_a_cell_is_met_by_the_parabola_that_bends_as_much_as_allowe
     inside = (vertex > 0) & (vertex < width)
     ends = left, left + rise * width + 0.5 * bend * width**2
     least = np.where(inside, left - 0.5 * rise**2 / bend, np.minimum(*ends))
-    np.testing.assert_allclose(minimum._least_possible(*ends, np.full(500, width), bend), least, atol=1e-12)
+    np.testing.assert_allclose(
+        search._least_possible(*ends, np.full(500, width), bend), least, atol=1e-12
+    )
     assert 50 < inside.sum() < 450
 
 

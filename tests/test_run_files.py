@@ -11,9 +11,9 @@ import pytest
 
 import testbed
 from testbed.errors import UserError
-from testbed.record import PAIR_COLUMNS, VEHICLE_COLUMNS
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.records.run import PAIR_COLUMNS, VEHICLE_COLUMNS
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 SHORT = ["duration_s=0.1"]
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
-from testbed.scenario import Scenario, builtin, load
-from testbed.start import generators, places
+from testbed.scenario.scenario import Scenario, builtin, load
 
 
 @pytest.mark.parametrize("name", sorted(builtin()))

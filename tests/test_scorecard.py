@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load as load_airframe
-from filters.barrier import TurnBarrier
-from filters.collision import Decision, Filter
-from filters.qp import Status
-from filters.unicycle import Command, Limits, State, View
-from testbed import catalogue
-from testbed.parts import Parts
-from testbed.record import Run
-from testbed.saturation import Saturation
-from testbed.scenario import load
-from testbed.simulate import run
+from filters.barriers.closed_form import TurnBarrier
+from filters.cbf.collision import Decision, Filter
+from filters.model import Command, Limits, State, View
+from filters.qp.single import Status
+from testbed.components import catalogue
+from testbed.components.components import Parts
+from testbed.measures.saturation import Saturation
+from testbed.records.run import Run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 NONE = ["manoeuvre_instants=0"]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from filters.unicycle import Command, State, View, step
-from testbed.disturbance import Disturbances, build
+from filters.model import Command, State, View, step
+from testbed.components.initial_conditions import generators
+from testbed.environment.disturbance import Disturbances, build
+from testbed.environment.network import Network
+from testbed.environment.sensing import QUANTITIES, Sensing, pack
 from testbed.errors import UserError
-from testbed.network import Network
-from testbed.scenario import load
-from testbed.sensing import QUANTITIES, Sensing, pack
-from testbed.start import generators
+from testbed.scenario.scenario import load
 
 DT = 0.05
 

@@ -4,9 +4,9 @@ import pytest
 
 from aircraft.airframe import load as airframe
 from aircraft.airframe import names
-from aircraft.earth import Origin
-from aircraft.fdm import Fdm
-from testbed.studies.sensitivity import CHANGES, Change, changed
+from aircraft.jsbsim.fdm import Fdm
+from aircraft.jsbsim.geodesy import Origin
+from testbed.studies.sensitivity.sensitivity import CHANGES, Change, changed
 
 
 @pytest.mark.parametrize("name", names())

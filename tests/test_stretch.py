@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from filters import qp
-from filters.infeasible import impossible
-from testbed import stretch
-from testbed.scenario import load
-from testbed.simulate import run
+from filters.qp import single
+from filters.qp.infeasibility import impossible
+from testbed.scenario.scenario import load
+from testbed.simulation import step_buffer
+from testbed.simulation.simulate import run
 
 SHORT = ["duration_s=0.5", "start.radius_m=40", "record_dt_s=0.02"]
 RUNS = {
@@ -27,7 +27,7 @@ def test_steps_taken_one_by_one_give_the_same_tables_and_verdicts(
 ) -> None:
     scenario = load("paper-2-turn", [*SHORT, "manoeuvre_instants=0", *RUNS[name]])
     together = run(scenario, force=True)
-    monkeypatch.setattr(stretch, "MOST_STEPS", 1)
+    monkeypatch.setattr(step_buffer, "MOST_STEPS", 1)
     alone = run(scenario, force=True)
     assert set(alone.tables) == set(together.tables)
     for table, columns in together.tables.items():
@@ -59,12 +59,12 @@ def test_multipliers_prove_no_qp_infeasible_that_the_linear_program_does_not() -
         rows = rng.normal(size=(rng.integers(2, 20), 3)) * [1.0, rng.choice([1.0, 300.0]), 1.0]
         short = rng.choice([1e-7, 1e-5, 1e-2, 1.0])
         rhs = rows @ rng.uniform(lower, upper) + short * rng.normal(size=len(rows))
-        margin, _ = qp.best_margin(rows, rhs, lower, upper)
+        margin, _ = single.best_margin(rows, rhs, lower, upper)
         proof = impossible(rows, rhs, lower, upper)
-        infeasible += margin < -qp.RESIDUAL
+        infeasible += margin < -single.RESIDUAL
         proved += proof
         # HiGHS's own tolerance: a proof is at 1e-6 exactly
-        assert not proof or margin < -0.99 * qp.RESIDUAL
+        assert not proof or margin < -0.99 * single.RESIDUAL
     assert infeasible > 50 and proved > 0.9 * infeasible
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from testbed.cli import app
+from testbed.cli.main import app
 
 # Why a program can read these all the same.
 WITHOUT_JSON = {"campaign schema": "JSON is all it prints"}
@@ -150,11 +150,11 @@ def test_an_airframe_is_checked_by_name_or_by_folder_and_copied(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from aircraft import lint
     from aircraft.airframe import AIRFRAMES, load
+    from aircraft.check import check
 
     checked: list[Path] = []
-    monkeypatch.setattr(lint, "check", lambda folder: checked.append(folder) or [])
+    monkeypatch.setattr(check, "check", lambda folder: checked.append(folder) or [])
     monkeypatch.chdir(tmp_path)
     assert call("aircraft", "copy", "x8", "my-wing") == 0
     for name in ("x8", "my-wing"):

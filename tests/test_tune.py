@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aircraft import gains
 from aircraft.airframe import Airframe, load
-from aircraft.specification import Row, evaluate
+from aircraft.autopilots import gains
+from aircraft.autopilots.specification import Row, evaluate
 from testbed.errors import UserError
-from testbed.studies import optimising, tuning
-from testbed.studies.optimising import Search, cost, search
-from testbed.studies.tuning import Sweep
+from testbed.studies.tuning import optimisation, tuning
+from testbed.studies.tuning.optimisation import Search, cost, search
+from testbed.studies.tuning.tuning import Sweep
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +43,8 @@ def test_a_gains_file_stands_for_an_airframe(x8: Airframe, detuned: Path) -> Non
 
 
 def test_a_scenario_flies_a_gains_file(detuned: Path) -> None:
-    from testbed.scenario import load as scenario
-    from testbed.simulate import run
+    from testbed.scenario.scenario import load as scenario
+    from testbed.simulation.simulate import run
 
     overrides = ["plant=jsbsim", "duration_s=0.1", "nominal.controller=manoeuvre"]
     done = run(scenario("paper-2-turn", [*overrides, f'airframes=["x8", "{detuned}"]']))
@@ -208,7 +208,7 @@ def test_a_search_mends_a_detuned_turn_and_repeats_itself(
         raise AssertionError("flown again")
 
     # interrupted and begun again, it flies nothing it has flown
-    monkeypatch.setattr("aircraft.specification.evaluate", never)
+    monkeypatch.setattr("aircraft.autopilots.specification.evaluate", never)
     assert search(job(tmp_path)) == found
 
 
@@ -220,7 +220,7 @@ def test_optimise_writes_gains_that_can_be_given_back(
     call: Callable[..., int],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setitem(optimising.CHANNELS, "turn", (("damping", "bandwidth"), ("turn",)))
+    monkeypatch.setitem(optimisation.CHANNELS, "turn", (("damping", "bandwidth"), ("turn",)))
     out = tmp_path / "o"
     options = ["--gains", detuned, "--optimise", "--vary", "turn.damping", "--vary", "turn.bandwidth"]
     limits = ["--starts", 1, "--workers", 1, "--evaluations", 40, "--seed", 3]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from filters.unicycle import Command, Limits, State, View, step
+from filters.model import Command, Limits, State, View, step
 
 
 def rk4(state: State, command: Command, dt: float, n: int) -> State:

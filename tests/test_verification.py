@@ -13,8 +13,8 @@ import pytest
 
 import testbed
 from testbed.errors import UserError
-from testbed.scenario import builtin, load
-from testbed.simulate import run
+from testbed.scenario.scenario import builtin, load
+from testbed.simulation.simulate import run
 from testbed.verification.check import verify
 from tests.forgery import Change, copied, differing, edit_entry, edit_manifest, edit_table, entry, open_, seal
 
@@ -169,7 +169,7 @@ def test_values_agree_far_more_closely_than_they_are_judged(tmp_path: Path) -> N
 
 
 def test_a_part_of_ones_own_leaves_open_what_it_decides(tmp_path: Path) -> None:
-    from testbed import catalogue
+    from testbed.components import catalogue
 
     parts = testbed.Parts(filter=lambda s, b, goal: catalogue.filter_(s, b, goal))
     run(load("paper-2-turn", SHORT), tmp_path / "run", parts=parts)
@@ -182,7 +182,7 @@ def test_a_run_that_ended_early_agrees_and_when_it_ended_is_checked(tmp_path: Pa
         """A unicycle that is lost at 0.5 s."""
 
         def __init__(self, s: testbed.Scenario, wind: np.ndarray) -> None:
-            from testbed import catalogue
+            from testbed.components import catalogue
 
             self._of, self._t = catalogue.plant(s, wind), 0.0
             self.dt = self._of.dt

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 from tests.forgery import (
     copied,
     differing,

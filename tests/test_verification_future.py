@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from testbed import catalogue
-from testbed.scenario import Scenario, load
-from testbed.start import generators, places
+from testbed.components import catalogue
+from testbed.components.initial_conditions import generators, places
+from testbed.scenario.scenario import Scenario, load
 from testbed.verification.future import Flown, Pose, barrier, fly_on, future
-from testbed.verification.scene import start
+from testbed.verification.settings import start
 
 KINDS = [
     [],

@@ -11,8 +11,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from aircraft.textfile import parse_toml, read_toml
 from testbed.errors import UserError, nearest, short
-from testbed.scenario import explain
-from testbed.sections import Name, Section
+from testbed.scenario.scenario import explain
+from testbed.scenario.tables import Name, Section
 
 SCHEMA_VERSION = 1
 MOST_RUNS = 1_000_000

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from testbed.campaigns.identity import code_id
+from testbed.claims.verdict import HOLDS
 from testbed.errors import UserError, short
-from testbed.record import Run
-from testbed.scenario import Scenario, parse
-from testbed.simulate import run
-from testbed.store import plain
-from testbed.verdicts import HOLDS
+from testbed.records.run import Run
+from testbed.records.store import plain
+from testbed.scenario.scenario import Scenario, parse
+from testbed.simulation.simulate import run
 
 FLOWN, REFUSED, FAILED = "flown", "refused", "failed"
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.errors import UserError
-from testbed.store import staged, write_json
+from testbed.records.store import staged, write_json
 
 MANIFEST, JOURNAL, RUNS, TIMINGS, SUMMARY = (
     "campaign.json",

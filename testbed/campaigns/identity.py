@@ -9,8 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from testbed import catalogue
-from testbed.scenario import Scenario, parse
+from testbed.components import catalogue
+from testbed.scenario.scenario import Scenario, parse
 
 ROOT = Path(__file__).parent.parent.parent
 _OURS = r"((?:filters|aircraft|testbed)[\w.]*)"
@@ -23,7 +23,7 @@ def content_id(data: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def modules(start: str = "testbed.simulate") -> list[Path]:
+def modules(start: str = "testbed.simulation.simulate") -> list[Path]:
     """The project's files that `start` can reach by imports, those inside functions included."""
     found: dict[str, Path] = {}
     todo = [start]
@@ -41,7 +41,7 @@ def modules(start: str = "testbed.simulate") -> list[Path]:
 
 
 @cache
-def code_id(start: str = "testbed.simulate") -> str:
+def code_id(start: str = "testbed.simulation.simulate") -> str:
     """Of the code that a run is computed by and of the packages it stands on; drawing is not part of it."""
     digest = hashlib.sha256(json.dumps(catalogue.versions(), sort_keys=True).encode())
     for file in modules(start):

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from testbed import scenario
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
 from testbed.errors import UserError, nearest, short
-from testbed.scenario import Scenario, assign, field_path
+from testbed.scenario import scenario
+from testbed.scenario.scenario import Scenario, assign, field_path
 
 Fields = dict[tuple[str, ...], Any]
 
@@ -147,7 +147,7 @@ def _cell_data(
         assign(data, path, copy.deepcopy(value))
     if "remedy" not in parameters:
         return data
-    from testbed.studies.remedies import catalogue as remedies
+    from testbed.studies.remedies.remedies import catalogue as remedies
 
     name = parameters["remedy"]
     where = _said({axis: v for axis, v in parameters.items() if axis != "remedy"}, campaign.name)

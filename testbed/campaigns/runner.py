@@ -10,18 +10,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from testbed import scenario
 from testbed.campaigns import file, folder, tables
 from testbed.campaigns.executor import CrashError, Executor, Outcome
 from testbed.campaigns.file import SCHEMA_VERSION
 from testbed.campaigns.flight import FAILED, Job, blank, fly, lost
 from testbed.campaigns.plan import Plan, Planned, base, expand, rounds
 from testbed.campaigns.view import View
-from testbed.catalogue import versions
+from testbed.components.catalogue import versions
 from testbed.errors import UserError
+from testbed.records.store import write_json
+from testbed.scenario import scenario
 from testbed.statistics import Look
 from testbed.statistics import Plan as Looks
-from testbed.store import write_json
 
 
 @dataclass

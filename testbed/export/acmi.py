@@ -14,9 +14,9 @@ from typing import Any
 
 import pandas as pd
 
-from aircraft.earth import Origin
+from aircraft.jsbsim.geodesy import Origin
 from testbed.export.events import Event, events
-from testbed.record import Run
+from testbed.records.run import Run
 from testbed.report.tables import number
 
 HEADER = "FileType=text/acmi/tacview\nFileVersion=2.2\n"
@@ -36,7 +36,7 @@ PROPERTIES = {
 def write(run: Run, path: Path) -> list[Event]:
     """Write `run` to `path`, zipped if that ends in .zip.acmi; returns the events in it.
 
-    Positions are the recorded ones about `aircraft.earth.Origin`, to 1e-5 m; times to 1e-6 s.
+    Positions are the recorded ones about `aircraft.jsbsim.geodesy.Origin`, to 1e-5 m; times to 1e-6 s.
     """
     found = events(run)
     text = HEADER + "\n".join([*_globals(run), *_frames(run, found)]) + "\n"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from testbed.export.events import Event, events
-from testbed.record import AIRCRAFT_COLUMNS, PAIR_COLUMNS, VEHICLE_COLUMNS, WIND_COLUMNS, Run
-from testbed.store import write_json
+from testbed.records.run import AIRCRAFT_COLUMNS, PAIR_COLUMNS, VEHICLE_COLUMNS, WIND_COLUMNS, Run
+from testbed.records.store import write_json
 
 MARK = "export.json"
 EVENT_COLUMNS = {

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from testbed.record import Run
+from testbed.claims.verdict import VIOLATED
+from testbed.records.run import Run
 from testbed.report.tables import number
-from testbed.verdicts import VIOLATED
 
 NO_SOLUTION = ("infeasible", "iteration_limit")
 

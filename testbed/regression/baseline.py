@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from testbed.errors import UserError, nearest
+from testbed.records.store import plain
 from testbed.regression.quantities import Quantity, quantities
-from testbed.scenario import Scenario, builtin, load, parse
-from testbed.store import plain
+from testbed.scenario.scenario import Scenario, builtin, load, parse
 from testbed.studies.measure import Fields, default_starts
 
 SCHEMA_VERSION = 1

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed import catalogue
+from testbed.components import catalogue
 from testbed.errors import UserError
 from testbed.regression.baseline import Baseline, read, scenario_of
 from testbed.regression.judging import DEGRADED, Finding, findings

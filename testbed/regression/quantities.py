@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed import ledger
-from testbed.record import Run
-from testbed.scenario import Scenario, parse
-from testbed.simulate import run
+from testbed.claims.verdict import HOLDS, NOT_APPLICABLE
+from testbed.measures import hdot_ledger
+from testbed.records.run import Run
+from testbed.scenario.scenario import Scenario, parse
+from testbed.simulation.simulate import run
 from testbed.studies.measure import Fields, Job, override
-from testbed.verdicts import HOLDS, NOT_APPLICABLE
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ _TRACKING = {
     "climb-rate": ("zeta_mps", "zeta_command_mps", 1.0, "m/s"),
 }
 # Part of the ledger's residual -> quantile; the low ones, for a residual below zero loses h.
-_LEDGER = (("total", "0.01"), ("total", "0.05"), *((name, "0.05") for name in ledger.CHANNELS))
+_LEDGER = (("total", "0.01"), ("total", "0.05"), *((name, "0.05") for name in hdot_ledger.CHANNELS))
 # Pairs with h below this are in the ledger; stated here, for baselines are kept for years [m].
 _NEAR_H_M = 10.0
 _END = "flown to the end"
@@ -83,7 +83,7 @@ def fly(job: Job) -> dict[str, float | None]:
     entries = {e["id"]: e for e in done.guarantees}
     row = {n: entries[n]["value"] for n in _VALUES}
     row |= _tracking(done, s.vehicles)
-    quantiles = ledger.summary(done, _NEAR_H_M)["quantiles"]
+    quantiles = hdot_ledger.summary(done, _NEAR_H_M)["quantiles"]
     row |= {_ledger_name(part, q): quantiles[part][q] if quantiles else None for part, q in _LEDGER}
     for name in _JUDGED:
         verdict = entries[name]["verdict"]

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from testbed import catalogue
+from testbed.components import catalogue
 from testbed.errors import UserError, nearest
 from testbed.regression.baseline import Baseline, differences, parse_file, place, relative, scenario_of, write
 from testbed.regression.judging import findings
 from testbed.regression.quantities import fly, job, quantities
 from testbed.regression.tolerance import seeds_needed, tolerance
-from testbed.scenario import Scenario
+from testbed.scenario.scenario import Scenario
 from testbed.studies.flying import fly_all
-from testbed.studies.ladder import rungs as ladder
+from testbed.studies.ladder.ladder import rungs as ladder
 from testbed.studies.measure import Fields, Job
 
 Runs = dict[str, dict[str, np.ndarray]]

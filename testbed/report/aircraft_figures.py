@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aircraft.identification import model
+from aircraft.autopilots.identification import model
 from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, ORANGE, PAGE, PURPLE, SKY, VERMILION, limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from aircraft.datasheet import Datasheet, Loop
+    from aircraft.datasheets.datasheet import Datasheet, Loop
 
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")

@@ -8,14 +8,14 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from testbed.records.store import plain, staged, write_json
 from testbed.report.aircraft_tables import specification, tables, worst
 from testbed.report.style import drawing
-from testbed.store import plain, staged, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from aircraft.datasheet import Datasheet
+    from aircraft.datasheets.datasheet import Datasheet
 
 PAGE_FILE, DATA_FILE = "index.html", "datasheet.json"
 

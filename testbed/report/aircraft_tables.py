@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from aircraft.specification import GROUPS, Row
+from aircraft.autopilots.specification import GROUPS, Row
 
 if TYPE_CHECKING:
-    from aircraft.datasheet import Datasheet
+    from aircraft.datasheets.datasheet import Datasheet
 
 Rows = list[dict[str, Any]]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from testbed.claims.verdict import HOLDS, VIOLATED
 from testbed.report import settings
 from testbed.report.blocks import KEPT, LOST, OPEN, Block, Note, Part, Section, Table, read_csv
 from testbed.report.folder_files import Rows, about, attached, json_of, pictures, text_of
-from testbed.verdicts import HOLDS, VIOLATED
 
 CHANNELS = {
     "total": "realised minus predicted",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.record import Run
+from testbed.records.run import Run
 from testbed.report.ledger_figures import ledger
 from testbed.report.style import LIMIT, PAGE, drawing, limits, log_distance, save, separation, style
 

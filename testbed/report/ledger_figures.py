@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from testbed.ledger import CHANNELS, NEAR_H_M, near, summary
-from testbed.record import Run
+from testbed.measures.hdot_ledger import CHANNELS, NEAR_H_M, near, summary
+from testbed.records.run import Run
 from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, ORANGE, PAGE, PURPLE, VERMILION
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ from importlib import resources
 from pathlib import Path
 
 from testbed.errors import UserError
-from testbed.record import Run
+from testbed.records.run import Run
+from testbed.records.store import MANIFEST, MARKS, load, staged
 from testbed.report import embed
 from testbed.report.blocks import SIGNS, Part, cell
-from testbed.store import MANIFEST, MARKS, load, staged
 
 PAGE_FILE = "report.html"
 SCRIPTS = tuple(

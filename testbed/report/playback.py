@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.record import Run
+from testbed.records.run import Run
 from testbed.report.style import style
 
 # Values in all tracks of one player: about 3 bytes each as JSON, so 2 MB.
@@ -132,8 +132,8 @@ def gamma(scenario: Mapping[str, Any]) -> dict[str, Any]:
 
     kind "none" where h is about the distance now.
     """
-    from testbed import catalogue
-    from testbed.scenario import parse
+    from testbed.components import catalogue
+    from testbed.scenario.scenario import parse
 
     # What a run was called is not at stake here, and may break today's rules for names.
     s = parse(dict(scenario) | {"name": "x"})

@@ -13,8 +13,8 @@ from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, PAGE, VERMILION, dra
 if TYPE_CHECKING:
     import pandas as pd
 
-    from testbed.studies.ladder import Account
-    from testbed.studies.margin import Margin
+    from testbed.studies.ladder.ladder import Account
+    from testbed.studies.margin.margin import Margin
 
 
 def ladder(table: pd.DataFrame, distance: Account, h: Account, d_safe: float, folder: Path) -> list[Path]:

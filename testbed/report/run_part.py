@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from testbed import ledger
-from testbed.record import Run
+from testbed.measures import hdot_ledger
+from testbed.records.run import Run
 from testbed.report import embed, figures, ledger_figures, playback, run_tables, scorecard, settings
 from testbed.report.blocks import Block, Note, Part, Picture, Playback, Scorecard, Section, Table, download
 from testbed.report.style import drawing
@@ -96,7 +96,7 @@ def _least(run: Run) -> str:
 
 def _ledger(runs: Runs, folder: Path | None) -> list[Block]:
     """Quantiles of the residual by channel, and the worst moments, of each run that has pairs near."""
-    found = {label: ledger.summary(run) for label, run in runs.items() if len(run.pairs)}
+    found = {label: hdot_ledger.summary(run) for label, run in runs.items() if len(run.pairs)}
     rows = [
         {"plant": label, "channel": channel}
         | {_level(q): x for q, x in of.items() if q in ("0", "0.05", "0.5", "0.95", "1")}
@@ -113,7 +113,7 @@ def _ledger(runs: Runs, folder: Path | None) -> list[Block]:
             "h [m]": w["h_m"],
         }
         | {"residual [m/s]": w["residual_mps"]}
-        | {f"{c} [m/s]": w[c] for c in ledger.CHANNELS}
+        | {f"{c} [m/s]": w[c] for c in hdot_ledger.CHANNELS}
         for label, s in found.items()
         for w in s["worst"]
     ]
@@ -140,11 +140,11 @@ def _ledger(runs: Runs, folder: Path | None) -> list[Block]:
 
 
 def _ledger_picture(runs: Runs, folder: Path | None) -> Picture | None:
-    worst = {label: ledger.summary(run, worst_moments=1)["worst"] for label, run in runs.items()}
+    worst = {label: hdot_ledger.summary(run, worst_moments=1)["worst"] for label, run in runs.items()}
     rows = pd.concat(
-        ledger.near(run)[lambda d, w=w: (d.i == w[0]["vehicles"][0]) & (d.j == w[0]["vehicles"][1])].assign(
-            plant=label
-        )
+        hdot_ledger.near(run)[
+            lambda d, w=w: (d.i == w[0]["vehicles"][0]) & (d.j == w[0]["vehicles"][1])
+        ].assign(plant=label)
         for (label, run), w in zip(runs.items(), worst.values(), strict=True)
         if w
     )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from testbed.record import Run
+from testbed.records.run import Run
 from testbed.report import figures, playback
 
 Runs = Mapping[str, Run]

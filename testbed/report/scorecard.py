@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from testbed.record import Run
+from testbed.claims.verdict import HOLDS, NOT_APPLICABLE, PREMISE, VIOLATED
+from testbed.records.run import Run
 from testbed.report.blocks import KEPT, LOST, OPEN, Fact
 from testbed.report.style import style
 from testbed.report.tables import further, number
-from testbed.verdicts import HOLDS, NOT_APPLICABLE, PREMISE, VIOLATED
 
 # Verdict -> sign and class; the sign tells them apart without colour.
 LOOKS = {HOLDS: ("✓", KEPT), VIOLATED: ("✗", LOST), PREMISE: ("?", OPEN), NOT_APPLICABLE: ("–", "none")}

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from testbed.record import Run
+from testbed.records.run import Run
 from testbed.report.blocks import Block, Listing, Table, cell, download
 
 
@@ -55,7 +55,7 @@ def listing(title: str, scenario: Mapping[str, Any]) -> Listing:
 
 def changed(scenarios: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Dotted field -> value in each scenario, where it is no default or they differ."""
-    from testbed.scenario import Scenario
+    from testbed.scenario.scenario import Scenario
 
     flat = {label: _flat(s) for label, s in scenarios.items()}
     usual = _flat(Scenario(name="x", vehicles=1).model_dump(mode="json"))

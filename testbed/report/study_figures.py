@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from testbed.report.style import BLACK, BLUE, COLUMN, ORANGE, PAGE, drawing, limits, save, separation, style
-from testbed.studies.kink import Look, over_heading
-from testbed.studies.onset import LATERAL_M, TURN_DEGPS, Onset, least
+from testbed.studies.kink.kink import Look, over_heading
+from testbed.studies.onset.onset import LATERAL_M, TURN_DEGPS, Onset, least
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from testbed.record import Run
+from testbed.records.run import Run
 
 # Achieved channel -> unit shown, and its size in the unit recorded.
 CHANNELS = (("v_mps", "m/s", 1.0), ("omega_radps", "deg/s", degrees(1.0)), ("zeta_mps", "m/s", 1.0))

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from testbed.scenario import Scenario
+from testbed.scenario.scenario import Scenario
 
 Fields = dict[str, Any]
 
@@ -24,8 +24,8 @@ class Job:
 def measure(job: Job) -> dict[str, Any]:
     """Fly `job`; what the ladder compares. A run that cannot start has nan values and says why."""
     from testbed.errors import UserError
-    from testbed.scenario import parse
-    from testbed.simulate import run
+    from testbed.scenario.scenario import parse
+    from testbed.simulation.simulate import run
 
     data = json.loads(job.data) | {"seed": job.seed}
     try:
@@ -72,7 +72,7 @@ def override(s: Scenario, fields: Fields) -> str:
 
     Raises UserError where the scenario cannot have them: better now than as a run that could not start.
     """
-    from testbed.scenario import parse
+    from testbed.scenario.scenario import parse
 
     data = s.model_dump(mode="json")
     for path, value in (fields | {"checks.manoeuvre_instants": 0}).items():

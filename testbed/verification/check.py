@@ -18,12 +18,12 @@ from testbed.verification.future import Pose, fly_on
 from testbed.verification.manoeuvre_claim import manoeuvre_keeps
 from testbed.verification.monitor_claims import BOUNDS, monitored
 from testbed.verification.pair_claims import SOLVING, Pairs
+from testbed.verification.path_bounds import Way
+from testbed.verification.path_claims import Ways
 from testbed.verification.premise_claims import premises
 from testbed.verification.recorded import Recorded, read
 from testbed.verification.rows import Rows
 from testbed.verification.solutions import solutions
-from testbed.verification.way import Way
-from testbed.verification.way_claims import Ways
 
 # Every run's claims and their numbers: a premise is judged otherwise than a guarantee.
 ALWAYS = {

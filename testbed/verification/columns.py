@@ -10,10 +10,10 @@ import numpy as np
 from testbed.verification.finding import Finding
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.pair_claims import Pairs, unicycle
+from testbed.verification.path_bounds import Way, resolved
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.rows import Rows
-from testbed.verification.scene import arc, box, knows_itself, nominal, start
-from testbed.verification.way import Way, resolved
+from testbed.verification.settings import arc, box, knows_itself, nominal, start
 
 ROUNDING = 1e-6
 OVERRIDE = 1e-6

@@ -10,7 +10,7 @@ from testbed.verification.finding import PREMISE, Finding, Judge, Values
 from testbed.verification.pair_claims import H_ALLOWED
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
-from testbed.verification.scene import box, inside
+from testbed.verification.settings import box, inside
 
 ROW_ALLOWED = 1e-6
 FAILED = ("infeasible", "iteration_limit")

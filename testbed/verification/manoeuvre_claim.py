@@ -11,7 +11,7 @@ from testbed.verification.finding import PREMISE, Finding, Judge
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.pair_claims import H_ALLOWED, Pairs, unicycle
 from testbed.verification.recorded import Array
-from testbed.verification.scene import arc, box
+from testbed.verification.settings import arc, box
 
 # How often the plant is stepped while gamma is flown, and for how long where nobody turns [s].
 PERIOD_S, STRAIGHT_S = 0.05, 60.0

@@ -11,7 +11,7 @@ from testbed.verification.future import manoeuvre
 from testbed.verification.pair_claims import EDGE, H_ALLOWED
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
-from testbed.verification.scene import alpha, filters_own, steepness
+from testbed.verification.settings import alpha, filters_own, steepness
 
 # Check -> its bound; of these, those that void a theorem where they fail.
 BOUNDS = {

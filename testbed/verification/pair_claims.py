@@ -11,7 +11,7 @@ import numpy as np
 from testbed.verification.finding import PREMISE, Finding, Judge, Values
 from testbed.verification.future import Flown, Pose, fly_on, manoeuvre
 from testbed.verification.recorded import Array, Recorded
-from testbed.verification.scene import Scenario, alpha, arc, box, inside, steepness
+from testbed.verification.settings import Scenario, alpha, arc, box, inside, steepness
 
 # As the verdicts allow: round-off of h, and curvature within a filter period [m/s].
 H_ALLOWED, RATE_ALLOWED = 1e-9, 1e-3

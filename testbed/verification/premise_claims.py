@@ -10,7 +10,7 @@ from testbed.verification.finding import PREMISE, Finding, Judge
 from testbed.verification.future import manoeuvre
 from testbed.verification.pair_claims import H_ALLOWED, Pairs
 from testbed.verification.recorded import Recorded
-from testbed.verification.scene import box, inside
+from testbed.verification.settings import box, inside
 
 # Barriers with a manoeuvre that their h is made of, or that is flown in need.
 MADE_OF_ONE = ("turn", "straight", "rollout", "euclidean")

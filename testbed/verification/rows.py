@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
+from testbed.verification.filter_view import sight
 from testbed.verification.future import BLOCK, Flown, Future, Pose, fly_on, future
 from testbed.verification.pair_claims import SOLVING, Pairs
 from testbed.verification.recorded import Array, Recorded
-from testbed.verification.scene import Scenario, alpha, box, filters_own, steepness
-from testbed.verification.sight import sight
+from testbed.verification.settings import Scenario, alpha, box, filters_own, steepness
 
 # Poses predicted by lags are integrals, the filter's and ours: so far are they apart, with levers.
 BLUR_M = 1e-6

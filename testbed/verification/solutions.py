@@ -11,7 +11,7 @@ from testbed.verification.finding import Finding
 from testbed.verification.future import manoeuvre
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
-from testbed.verification.scene import alpha, box, filters_own, margin
+from testbed.verification.settings import alpha, box, filters_own, margin
 
 # Of many QPs without a solution, so many are looked into.
 LOOKED = 100

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from aircraft.airframe import load, names
-from aircraft.earth import Origin
-from aircraft.fdm import Fdm, Start
+from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.jsbsim.geodesy import Origin
 
 LEVEL = Start(0.0, 0.0, 0.0, 0.0, 20.0)
 

@@ -26,8 +26,8 @@ from testbed.campaigns.plan import Plan, base, expand
 from testbed.campaigns.processes import Processes
 from testbed.campaigns.runner import fly_all, prepare
 from testbed.campaigns.view import View
-from testbed.scenario import parse
-from testbed.simulate import run
+from testbed.scenario.scenario import parse
+from testbed.simulation.simulate import run
 
 TEXT = """
 name = "benchmark"

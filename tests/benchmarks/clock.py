@@ -16,10 +16,10 @@ from statistics import median
 import numpy as np
 
 from aircraft.airframe import load
-from aircraft.earth import Origin
-from aircraft.fdm import Fdm, Start
-from testbed import simulate
-from testbed.scenario import Scenario
+from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.jsbsim.geodesy import Origin
+from testbed.scenario.scenario import Scenario
+from testbed.simulation import simulate
 
 clock = time.process_time
 

@@ -7,7 +7,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
-from testbed import catalogue
+from testbed.components import catalogue
 
 
 def describe() -> dict[str, Any]:

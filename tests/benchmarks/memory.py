@@ -14,7 +14,8 @@ from typing import Any
 
 import psutil
 
-from testbed import scenario, simulate
+from testbed.scenario import scenario
+from testbed.simulation import simulate
 
 
 def measure(vehicles: int = 100, duration_s: float = 60.0) -> dict[str, Any]:

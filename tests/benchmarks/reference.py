@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from testbed import scenario, simulate
+from testbed.scenario import scenario
+from testbed.simulation import simulate
 
 TOLERANCE = 1e-9
 

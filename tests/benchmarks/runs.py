@@ -6,16 +6,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from aircraft.fdm import Fdm
-from aircraft.fleet import JsbsimFleet
+from aircraft.jsbsim.fdm import Fdm
+from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.kinematic import KinematicFleet
 from benchmarks.clock import BareStep, Shares, clock, flight, in_turn
-from filters.collision import CollisionFilter
-from testbed import scenario, simulate
-from testbed.record import Recorder
-from testbed.scenario import Scenario
-from testbed.stretch import Stretch
-from testbed.watch import Watch
+from filters.cbf.collision import CollisionFilter
+from testbed.records.run import Recorder
+from testbed.scenario import scenario
+from testbed.scenario.scenario import Scenario
+from testbed.simulation import simulate
+from testbed.simulation.recorder import Watch
+from testbed.simulation.step_buffer import Stretch
 
 X8 = ["plant=jsbsim", "duration_s=20", "record_dt_s=0.05", "lookahead_m=10", "manoeuvre_instants=0"]
 

@@ -21,8 +21,8 @@ def measure() -> dict[str, float]:
     """`testbed --help` and `import filters`, all of it, and of that what an empty Python takes [s]."""
     return {
         "help_s": seconds(
-            ["-c", "import sys; sys.argv[1:] = ['--help']; from testbed.cli import main; main()"]
+            ["-c", "import sys; sys.argv[1:] = ['--help']; from testbed.cli.main import main; main()"]
         ),
-        "import_s": seconds(["-c", "import filters, filters.collision, filters.barrier"]),
+        "import_s": seconds(["-c", "import filters, filters.cbf.collision, filters.barriers.closed_form"]),
         "empty_s": seconds(["-c", ""]),
     }

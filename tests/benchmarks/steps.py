@@ -12,14 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.clock import BareStep, clock, least
-from filters.barrier import ForwardDifference
-from filters.collision import CollisionFilter
-from filters.qp import Status
-from filters.rows import barrier_rows
-from filters.unicycle import Array, Command, Limits, View, step
-from testbed import catalogue, scenario
-from testbed.scenario import Scenario
-from testbed.start import generators, places
+from filters.barriers.closed_form import ForwardDifference
+from filters.cbf.collision import CollisionFilter
+from filters.cbf.constraints import barrier_rows
+from filters.model import Array, Command, Limits, View, step
+from filters.qp.single import Status
+from testbed.components import catalogue
+from testbed.components.initial_conditions import generators, places
+from testbed.scenario import scenario
+from testbed.scenario.scenario import Scenario
 
 PERIOD_S = 0.05
 # Metres of radius per vehicle of a circle on which starts are as far apart as the paper's twenty.

@@ -1,7 +1,7 @@
 """Change the code in one place at a time and see whether a test notices.
 
     cd tests && python -m mutation                          # all files; goes on where it stopped
-    cd tests && python -m mutation filters/alpha.py         # some
+    cd tests && python -m mutation filters/barriers/class_k.py         # some
     cd tests && python -m mutation --seconds 120 --slow     # more tests for the survivors
 
 Prints a table per file and writes every survivor to runs/mutants/survivors.txt.
@@ -36,11 +36,15 @@ from mutation.record import Outcome, Record
 ROOT = Path(__file__).parents[2]
 FILES = [
     *(f"filters/{name}.py" for name in (
-        "alpha", "unicycle", "robust", "safety", "minimum", "airmass", "predicted", "pairs", "problem", "qp",
-        "qp_each", "active_set", "infeasible", "monitor", "navigation", "rollout",
+        "model", "barriers/class_k", "barriers/range_functions", "barriers/global_minimum", "barriers/pairs",
+        "barriers/rollout", "wrappers/row_margins", "wrappers/air_mass", "wrappers/pose_prediction",
+        "cbf/problem", "cbf/theorem_monitor", "qp/single", "qp/batch", "qp/active_set", "qp/infeasibility",
+        "rivals/navigation",
     )),
-    *(f"testbed/{name}.py" for name in ("guarantees", "verdicts", "premises")),
-    *(f"filters/{name}.py" for name in ("barrier", "turn", "rows", "collision")),
+    *(f"testbed/claims/{name}.py" for name in ("guarantees", "verdict", "premises")),
+    *(f"filters/{name}.py" for name in (
+        "barriers/closed_form", "barriers/turn_kernel", "cbf/constraints", "cbf/collision",
+    )),
 ]  # fmt: skip
 # The tests that use these modules directly; whole flights would come too late to be chosen.
 TESTS = [

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.scenario import load
-from testbed.simulate import run
+from testbed.scenario.scenario import load
+from testbed.simulation.simulate import run
 
 pytestmark = [
     pytest.mark.soak,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from testbed.scenario import builtin, load
-from testbed.simulate import run
+from testbed.scenario.scenario import builtin, load
+from testbed.simulation.simulate import run
 from tests.forgery import differing, open_
 
 pytestmark = pytest.mark.soak

@@ -6,7 +6,7 @@ python docs/guide/examples/own_disturbance.py
 import numpy as np
 
 import testbed
-from testbed.disturbance import build
+from testbed.environment.disturbance import build
 
 CORE_MPS = 3.0
 RADIUS_M = 60.0

@@ -6,8 +6,8 @@ python docs/guide/examples/own_filter.py
 import numpy as np
 
 import testbed
-from filters.collision import Decision
-from filters.unicycle import Command
+from filters.cbf.collision import Decision
+from filters.model import Command
 
 NEAR_M = 60.0
 

@@ -6,7 +6,7 @@ python docs/guide/examples/own_nominal.py
 import numpy as np
 
 import testbed
-from filters.unicycle import Command
+from filters.model import Command
 
 
 class Homing:

@@ -6,7 +6,7 @@ python docs/guide/examples/own_plant.py
 import numpy as np
 
 import testbed
-from filters.unicycle import Command, step
+from filters.model import Command, step
 
 G_MPS2 = 9.81
 LAG_S = 0.4

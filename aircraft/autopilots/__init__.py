@@ -1,0 +1,1 @@
+"""Autopilots: equations and their compiler, gains, linear models, tuning, identification."""

@@ -1,0 +1,132 @@
+"""Gains: what the autopilot needs of an airframe, and files of gains that stand for an airframe."""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import json
+import math
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+from aircraft.airframe import Airframe, check_gains, load
+from aircraft.autopilots.equations import EQUATIONS, Equations, parse
+from aircraft.textfile import read_toml
+
+_UNIT = r"(_(radps|per_s2?|s|mps2?|rad|m|kg))?"
+
+
+@cache
+def equations() -> Equations:
+    return parse(EQUATIONS.read_text(encoding="utf-8"))
+
+
+# Sections whose gains multiply an error or are a time: below zero they destabilise.
+_NOT_NEGATIVE = ("turn", "climb", "speed", "rudder")
+
+
+def gain_faults(airframe: Airframe) -> list[str]:
+    """What is wrong with an airframe's gains, a line each: missing, unknown, negative where none may be."""
+    mine = equations().of(airframe.gain_values())
+    known = {*mine.assigned(), *mine.inputs, *mine.uses}
+    trees = [ast.parse(e.formula, mode="eval") for c in mine.channels for e in c.equations]
+    names = {n.id for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Name)}
+    calls = {n.func for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Call)}
+    functions = {f.id for f in calls if isinstance(f, ast.Name)}
+    wanted, have = names - known - functions, airframe.gain_values()
+    faults = [
+        f"{n.replace('_', '.', 1)}: the autopilot needs this gain" for n in sorted(wanted - have.keys())
+    ]
+    faults += [
+        f"{n.replace('_', '.', 1)}: the autopilot has no such gain" for n in sorted(have.keys() - wanted)
+    ]
+    for section in _NOT_NEGATIVE:
+        for name, value in airframe.gains.get(section, {}).items():
+            time = name.endswith(("filter_s", "model_lag_s"))
+            if value < 0 or (time and value == 0):
+                least = "positive" if time else "zero or more"
+                faults.append(f"{section}.{name}: must be {least}, got {value:g}")
+    return faults
+
+
+def read(path: Path, airframe: Airframe | None = None) -> Airframe:
+    """The airframe that a gains file stands for: its base with the gains of the file.
+
+    airframe  the base, in place of the one the file names; the names must agree
+    Raises    FileNotFoundError, or ValueError naming the file and what is wrong with it
+    """
+    try:
+        said = read_toml(path)
+    except FileNotFoundError:
+        raise FileNotFoundError(f"gains file {path} does not exist") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    name, gains = said.get("base"), said.get("gains")
+    if not isinstance(name, str) or not isinstance(gains, dict):
+        raise ValueError(f'{path}: a gains file needs base = "NAME" and tables [gains.SECTION]')
+    if name.endswith(".toml"):  # which could be this file itself
+        raise ValueError(f"{path}: base: name an airframe, not another gains file")
+    base = airframe or load(name)
+    if base.name != load(name).name:
+        raise ValueError(f"{path}: gains of {name}, not of {base.name}")
+    changes: dict[str, float] = {}
+    for section, values in gains.items():
+        for gain, value in values.items() if isinstance(values, dict) else ():
+            number = math.nan
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                with suppress(OverflowError):  # an integer of hundreds of digits
+                    number = float(value)
+            if not math.isfinite(number):
+                got = repr(value) if len(repr(value)) <= 80 else f"{repr(value)[:80]}..."
+                raise ValueError(f"{path}: gains.{section}.{gain}: must be a finite number, got {got}")
+            changes[f"{section}.{gain}"] = number
+    try:
+        changed = base.with_gains(changes)
+        check_gains(changed.gains)
+    except KeyError as error:
+        raise ValueError(f"{path}: {error.args[0]}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if faults := gain_faults(changed):
+        raise ValueError(f"{path}: gains.{faults[0]}")
+    return changed
+
+
+def write(path: Path, base: str, gains: Mapping[str, float], provenance: Mapping[str, str]) -> None:
+    """A gains file: `gains` by section.name on top of airframe `base`, and where they come from.
+
+    Equal inputs give equal bytes; no date.
+    """
+    lines = [
+        "# Gains on top of those of an airframe; fly them with --gains FILE, or as a scenario's airframe."
+    ]
+    lines += [f"base = {json.dumps(base)}", "", "[provenance]"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in provenance.items()]
+    sections: dict[str, list[str]] = {}
+    for key, value in gains.items():
+        section, _, name = key.partition(".")
+        sections.setdefault(section, []).append(f"{name} = {value!r}")
+    for section, rows in sections.items():
+        lines += ["", f"[gains.{section}]", *rows]
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def resolve(airframe: Airframe, name: str) -> str:
+    """The full section.name of a gain, of which any unambiguous beginning is enough: turn.band.
+
+    Raises  ValueError naming the gains it could be
+    """
+    known = [f"{s}.{n}" for s, names in airframe.gains.items() for n in names]
+    if name in known:
+        return name
+    # turn.damping is that gain even where turn.damping_limit exists; a unit may always be left out
+    found = [k for k in known if name and k.startswith(name)]
+    exact = [k for k in found if re.fullmatch(re.escape(name) + _UNIT, k)]
+    if len(found) == 1 or len(exact) == 1:
+        return (exact or found)[0]
+    near = found or difflib.get_close_matches(name, known, 3)
+    sections = f"SECTION.NAME of airframe.toml, of the sections {', '.join(airframe.gains)}"
+    raise ValueError(f"{airframe.name} has no gain {name}; there are {', '.join(near) or sections}")

@@ -1,0 +1,188 @@
+"""What a good autopilot does: the step specification, its targets and how an airframe scores on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aircraft.airframe import Airframe
+from aircraft.autopilots.margins import Margins, margins, model_response
+from aircraft.autopilots.statespace import linear_model, loops
+from aircraft.autopilots.tuning import Flight, Score, fly, score
+from aircraft.jsbsim.fdm import Fdm, Start, motions
+from aircraft.jsbsim.geodesy import Origin
+
+TURN = math.radians(11.7)  # rad/s, the paper's evading turn
+MARGINS = {"gain_db": 6.0, "phase_deg": 45.0, "disk": 0.5}
+_FREQUENCY = np.geomspace(0.05, 600.0, 400)  # rad/s, where margins are looked for
+_TURBULENCE_W20_MPS = 15.43  # 30 knots at 20 ft: MIL-F-8785C's moderate
+_TURBULENCE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """From level trim at `start` m/s, one command, and the largest value each quantity may have."""
+
+    group: str
+    start: float
+    command: tuple[float, float, float]  # v [m/s], omega [rad/s], zeta [m/s]
+    targets: dict[str, float]
+    duration: float = 10.0
+
+    @property
+    def title(self) -> str:
+        v, omega, zeta = self.command
+        parts = [f"v {self.start:g} to {v:g} m/s"] if v != self.start else []
+        parts += [f"omega 0 to {math.degrees(omega):.3g} deg/s"] if omega else []
+        parts += [f"zeta 0 to {zeta:g} m/s"] if zeta else []
+        return ", ".join(parts) + (f" at {self.start:g} m/s" if v == self.start else "")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity of one case against its bound; `at_most` False means at least."""
+
+    group: str
+    case: str
+    quantity: str
+    value: float
+    target: float
+    at_most: bool = True
+
+    @property
+    def met(self) -> bool:
+        return self.value <= self.target if self.at_most else self.value >= self.target
+
+    @property
+    def excess(self) -> float:
+        """By what share of the target it is missed; 0 if met, 1 for a value that is no number."""
+        if not math.isfinite(self.value):
+            return 0.0 if self.met else 1.0
+        miss = self.value - self.target if self.at_most else self.target - self.value
+        return max(miss / abs(self.target), 0.0)
+
+
+def _turn(v: float, t63: float) -> Step:
+    bounds = {"t63_s": t63, "overshoot": 0.02, "altitude_change_m": 0.25, "final_error": 0.005}
+    return Step("turn", v, (v, TURN, 0.0), bounds)
+
+
+def _climb(v: float, zeta: float, t63: float, speed_change: float) -> Step:
+    bounds = {"t63_s": t63, "overshoot": 0.03, "speed_change_mps": speed_change}
+    return Step("climb", v, (v, 0.0, zeta), bounds)
+
+
+# Bounds of the project's aim for the X8: times s, overshoot and errors as fractions of the step.
+STEPS: tuple[Step, ...] = (
+    _turn(16.0, 0.34),
+    _turn(20.0, 0.36),
+    _turn(25.0, 0.38),
+    Step("speed", 16.0, (20.0, 0.0, 0.0), {"settling_s": 1.6, "overshoot": 0.01}),
+    Step("speed", 20.0, (24.0, 0.0, 0.0), {"settling_s": 2.2, "overshoot": 0.01}),
+    _climb(16.0, 2.0, 0.33, 0.4),
+    _climb(16.0, 3.9, 0.48, 0.8),
+    _climb(25.0, 2.0, 0.33, 0.4),
+    _climb(25.0, 3.9, 0.48, 0.8),
+    *(
+        Step("all", v, (v + 4.0, TURN, 3.9), {"omega_overshoot": 0.04, "crossings": 1.0})
+        for v in (16.0, 18.0, 20.0)
+    ),
+    Step("dive", 16.0, (16.0, 0.0, -3.9), {"v_above": 25.0, "v_below": 15.0, "limited_zeta": 1.0}, 20.0),
+)
+AT_LEAST = ("v_below", "limited_zeta", *MARGINS)
+# What no airframe is let off: the rest is wider by its step_factor.
+ABSOLUTE = ("crossings", "v_above", *AT_LEAST)
+GROUPS = ("turn", "speed", "climb", "all", "dive", "margins", "turbulence")
+
+
+def flown(airframe: Airframe, step: Step) -> tuple[Flight, list[Row]]:
+    """Fly a step and score it."""
+    f = fly(airframe, step.start, step.command, step.duration, telemetry=["limited_zeta"])
+    found = _quantities(step, f)
+    rows = []
+    for name, bound in step.targets.items():
+        scale = 1.0 if name in ABSOLUTE else airframe.step_factor
+        rows.append(Row(step.group, step.title, name, found[name], scale * bound, name not in AT_LEAST))
+    return f, rows
+
+
+def _quantities(step: Step, f: Flight) -> dict[str, float]:
+    before, after = (step.start, 0.0, 0.0), step.command
+    scores: dict[str, Score] = {
+        name: score(f.t, getattr(f, name), b, a)
+        for name, b, a in zip(("v", "omega", "zeta"), before, after, strict=True)
+        if a != b
+    }
+    found = {
+        "altitude_change_m": float(np.abs(f.position[:, 2]).max()),
+        "speed_change_mps": float(np.abs(f.v - step.start).max()),
+        "crossings": float(max(s.crossings for s in scores.values())),
+        "v_above": float(f.v.max()),
+        "v_below": float(f.v.min()),
+        "limited_zeta": float(f.telemetry["limited_zeta"][-1]),
+    }
+    if "omega" in scores:
+        found["omega_overshoot"] = scores["omega"].overshoot
+    only = next(iter(scores.values()))
+    found |= {"t63_s": only.t63, "settling_s": only.settling, "overshoot": only.overshoot}
+    return found | {"final_error": abs(only.final_error)}
+
+
+def margin_rows(airframe: Airframe, speeds: Sequence[float] | None = None, dt: float = 0.005) -> list[Row]:
+    """Margins of every loop at every trim speed, of the linear model."""
+    rows = []
+    for v in airframe.speeds.trim_mps if speeds is None else speeds:
+        model = linear_model(airframe, v, dt)
+        stable = np.abs(np.linalg.eigvals(model.a)).max() < 1 + 1e-6  # the heading is neutral
+        for loop in loops(airframe):
+            unstable = Margins(0.0, 0.0, 0.0, float("nan"))
+            found = margins(model_response(model, loop, _FREQUENCY)) if stable else unstable
+            for name, bound in MARGINS.items():
+                rows.append(
+                    Row("margins", f"{loop} at {v:g} m/s", name, getattr(found, name), bound, at_most=False)
+                )
+    return rows
+
+
+def turbulence_rows(airframe: Airframe, v: float = 18.0, seed: int = 1) -> list[Row]:
+    """A minute of JSBSim's own MIL-F-8785C moderate turbulence: no command at its stop; tracking rms.
+
+    The rms have no target: they are what a wing in such air does.
+    """
+    fdm = Fdm(airframe, 0.005, Origin())
+    fdm.start(Start(0.0, 0.0, 0.0, 0.0, v))
+    fdm.turbulence(_TURBULENCE_W20_MPS, 4, seed)
+    names = [name for name in loops(airframe) if name != "throttle"]
+    inputs = [fdm.node(loops(airframe)[name]) for name in names]
+    shared = [fdm.node(loops(airframe)[name]) for name in ("elevator", "aileron")] if _mixed(airframe) else []
+    moves, largest = [], 0.0
+    for _ in range(round(_TURBULENCE_S / 0.005)):
+        fdm.run((0.0, 0.0, 0.0), 1)
+        moves.append(fdm.motion())
+        # Elevons carry the sum of two inputs.
+        asked = [abs(n.get_double_value()) for n in inputs]
+        largest = max(largest, *asked, sum(abs(n.get_double_value()) for n in shared))
+    _, rates = motions(moves, fdm.origin)
+    rms = np.sqrt(np.mean((rates - [v, 0.0, 0.0]) ** 2, axis=0))
+    case = f"moderate turbulence, {_TURBULENCE_S:g} s at {v:g} m/s"
+    values = {"surface_share": (largest, 1.0), "v_rms_mps": (rms[0], math.inf)}
+    values |= {"omega_rms_degps": (math.degrees(rms[1]), math.inf), "zeta_rms_mps": (rms[2], math.inf)}
+    return [Row("turbulence", case, name, float(x), bound) for name, (x, bound) in values.items()]
+
+
+def _mixed(airframe: Airframe) -> bool:
+    """Whether elevator and aileron share surfaces: elevons."""
+    return any("elevon" in path for path in airframe.surfaces.values())
+
+
+def evaluate(airframe: Airframe, groups: Sequence[str] = GROUPS) -> list[Row]:
+    """Every row of the specification that belongs to `groups`."""
+    rows = [row for step in STEPS if step.group in groups for row in flown(airframe, step)[1]]
+    if "margins" in groups:
+        rows += margin_rows(airframe)
+    if "turbulence" in groups:
+        rows += turbulence_rows(airframe)
+    return rows

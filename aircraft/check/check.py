@@ -1,0 +1,70 @@
+"""Lints a user's airframe folder: first the files as text, then the model, flown in a process of its own.
+
+Each finding names the file, the line and the remedy. What no text and no flight can show is not claimed: see
+`NOT_SEEN`.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from aircraft.check.files import Files, Finding, read_folder
+from aircraft.check.rules import RULES
+from aircraft.check.safety import dangers
+
+FLIGHT_LIMIT_S = 120.0
+NOT_SEEN = (
+    "a wrong number that is still plausible; compare each with its source, and let [stated] in airframe.toml"
+    " guard mass and inertia, the sign of Jxz included"
+)
+
+
+def check(folder: Path) -> list[Finding]:
+    """Everything found wrong with an airframe folder.
+
+    Raises  NotADirectoryError if there is none.
+    """
+    if not folder.is_dir():
+        raise NotADirectoryError(f"{folder} is not a folder; give the folder that holds airframe.toml")
+    findings = list(dangers(folder))
+    if any(f.rule in ("refused", "xml", "files", "airframe.toml") for f in findings):
+        return findings
+    files, _ = read_folder(folder)
+    assert files is not None  # or there were findings
+    for rule in RULES:
+        findings += rule(files)
+    if not any(f.severity == "error" for f in findings):
+        findings += fly(files)
+    return findings
+
+
+def fly(files: Files) -> list[Finding]:
+    """The findings of `aircraft.check.flight` on this folder; JSBSim may take the process with it."""
+    with tempfile.TemporaryDirectory() as nowhere:  # what a model writes, it writes here
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", "aircraft.check.flight", str(files.folder)],
+                capture_output=True, text=True, cwd=nowhere, timeout=FLIGHT_LIMIT_S, check=False,
+            )  # fmt: skip
+            lines, code = done.stdout.splitlines(), done.returncode
+        except subprocess.TimeoutExpired as late:
+            out = late.stdout or b""
+            lines, code = (out.decode() if isinstance(out, bytes) else out).splitlines(), None
+    findings, stage = [], "starting"
+    for line in lines:
+        said: dict[str, Any] = json.loads(line)
+        stage = said.get("stage", stage)
+        if "finding" in said:
+            findings.append(Finding(**said["finding"]))
+    if code != 0 and stage != "done":
+        what = f"did not end in {FLIGHT_LIMIT_S:g} s" if code is None else "took the process with it"
+        message = f"JSBSim {what} while {stage}"
+        findings.append(
+            Finding("flight", "error", files.model, None, message, "mend what is named above first")
+        )
+    return findings

@@ -1,0 +1,200 @@
+"""What the text of an airframe folder shows to be wrong, rule by rule."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from difflib import get_close_matches
+
+import numpy as np
+
+from aircraft.autopilots.equations import property_name, system_xml
+from aircraft.autopilots.gains import equations, gain_faults
+from aircraft.check.files import Files, Finding, toml_line
+from aircraft.check.spelling import ENGINE, MODEL
+
+
+def _root(files: Files) -> list[Finding]:
+    root = files.trees[files.model]
+    if root.name == "fdm_config":
+        return []
+    return [
+        Finding(
+            "xml", "error", files.model, root.line, f"root element <{root.name}>", "it must be <fdm_config>"
+        )
+    ]
+
+
+def _words(files: Files) -> list[Finding]:
+    """JSBSim drops or misreads an element that it does not know, often without a word."""
+    findings = []
+    for file, tree in files.trees.items():
+        engine = file.startswith("engine/")
+        for e in tree.walk():
+            if e.name in (ENGINE if engine else MODEL):
+                continue
+            near = get_close_matches(e.name, sorted(ENGINE if engine else MODEL), 1, 0.75)
+            if near or not engine:  # an engine file may hold words of an engine that is not known here
+                remedy = f"write <{near[0]}>" if near else "remove it"
+                message = f"<{e.name}> is no element of JSBSim"
+                findings.append(Finding("misspelt", "error", file, e.line, message, remedy))
+    return findings
+
+
+def output(files: Files) -> list[Finding]:
+    """A model's own files and sockets; a component's <output> is something else."""
+    says = {"output": "writes files wherever the program runs", "input": "opens a socket"}
+    return [
+        Finding("output", "error", file, e.line, f"<{name}> {what}", "remove it")
+        for name, what in says.items()
+        for file, e in files.elements(name)
+        if e.parent is not None and e.parent.name == "fdm_config"
+    ]
+
+
+def _engine(files: Files) -> list[Finding]:
+    root = files.trees[files.model]
+    if any(e.parent is not None and e.parent.name == "propulsion" for e in root.all("engine")):
+        return []
+    where = root.first("propulsion") or root
+    message = "no engine: JSBSim offers no throttle without one"
+    remedy = "add <propulsion> with an <engine>, a placeholder if thrust is an external reaction"
+    return [Finding("engine", "error", files.model, where.line, message, remedy)]
+
+
+_UNITS = {"SLUG*FT2": 1.0, "KG*M2": 0.7375621492772656, "LBS*FT2": 1 / 32.17404855643045}
+
+
+def _inertia(files: Files) -> list[Finding]:
+    mass = files.trees[files.model].first("mass_balance")
+    if mass is None:
+        line = files.trees[files.model].line
+        return [Finding("inertia", "error", files.model, line, "no <mass_balance>", "add it")]
+    terms = {
+        e.name: (e.number() or 0.0) * _UNITS.get(e.attributes.get("unit", "SLUG*FT2"), 1.0)
+        for e in mass.children
+    }
+    at = {e.name: e.line for e in mass.children}
+    x, y, z, xy, xz, yz = (terms.get(f"i{n}", 0.0) for n in ("xx", "yy", "zz", "xy", "xz", "yz"))
+    findings = []
+    low, middle, high = np.linalg.eigvalsh([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
+    if low <= 0 or high > (low + middle) * (1 + 1e-9):
+        moments = f"{low:.4g}, {middle:.4g} and {high:.4g} slug ft^2"
+        message = f"no body has principal moments of inertia {moments}"
+        remedy = "estimate them again: all positive, the largest not above the sum of the others"
+        findings.append(Finding("inertia", "error", files.model, at.get("ixx", mass.line), message, remedy))
+    if (xy or xz or yz) and "negated_crossproduct_inertia" not in mass.attributes:
+        remedy = 'add negated_crossproduct_inertia="false" to <mass_balance> if it is the integral of x z dm'
+        findings.append(
+            Finding("jxz-sign", "error", files.model, mass.line, "the sign of Jxz is not stated", remedy)
+        )
+    return findings
+
+
+def _pitch_trim(files: Files) -> list[Finding]:
+    used = [
+        e
+        for tree in files.trees.values()
+        for e in tree.walk()
+        if e.text.lstrip("-") == "fcs/pitch-trim-cmd-norm"
+    ]
+    if any(e.name in ("property", "p", "input") for e in used):
+        return []
+    where = files.trees[files.model].first("flight_control") or files.trees[files.model]
+    remedy = "add fcs/pitch-trim-cmd-norm to what moves the elevator: JSBSim's own trim needs it"
+    return [
+        Finding(
+            "pitch-trim", "error", files.model, where.line, "nothing reads fcs/pitch-trim-cmd-norm", remedy
+        )
+    ]
+
+
+def _duplicates(files: Files) -> list[Finding]:
+    """Two components of one name in a channel load in silence, and the later wins."""
+    findings = []
+    for file, channel in files.elements("channel"):
+        seen: dict[str, int] = {}
+        for e in channel.children:
+            name = e.attributes.get("name")
+            if name and e.name not in ("property",) and name in seen:
+                message = f"{name} is already the name of the component on line {seen[name]}"
+                findings.append(Finding("duplicate", "error", file, e.line, message, "rename one of them"))
+            elif name:
+                seen[name] = e.line
+    return findings
+
+
+def declared(files: Files) -> set[str]:
+    """Properties that the files themselves make: declarations, components, functions and their outputs."""
+    names = set()
+    for tree in files.trees.values():
+        for e in tree.walk():
+            if ("value" in e.attributes and e.name == "property") or e.name == "output":
+                names.add(e.text.lstrip("-"))
+            if "name" in e.attributes and e.name not in ("contact", "location", "axis", "channel", "system"):
+                name = e.attributes["name"]
+                names |= {name, "fcs/" + name.replace(" ", "-").lower()}
+    return names
+
+
+def _autopilot(files: Files) -> list[Finding]:
+    """The properties that the testbed commands, reads and settles, and a home for every gain."""
+    from aircraft.jsbsim.properties import NODES, TELEMETRY
+
+    have, findings = declared(files), []
+    system = next((f for f in files.trees if f.startswith("systems/")), files.model)
+    line = files.trees[system].line
+    wanted = {p for p in NODES.values() if p.startswith("ap/")}
+    wanted |= {p for p, _, _ in TELEMETRY.values() if p.startswith("ap/")}
+    if missing := sorted(wanted - have):
+        message = f"the autopilot has no {', '.join(missing)}"
+        remedy = "make systems/autopilot.xml with: python -m aircraft.autopilots.equations FOLDER"
+        findings.append(Finding("autopilot", "error", system, line, message, remedy))
+    toml = files.folder / "airframe.toml"
+    for section, names in files.airframe.gains.items():
+        for name in names:
+            if property_name(f"{section}_{name}") not in have:
+                message = f"gain {section}.{name}: the autopilot has no {property_name(f'{section}_{name}')}"
+                remedy = "correct its name, or run: python -m aircraft.autopilots.equations FOLDER"
+                findings.append(
+                    Finding("autopilot", "error", toml.name, toml_line(toml, name), message, remedy)
+                )
+    return findings
+
+
+def _gains(files: Files) -> list[Finding]:
+    toml = files.folder / "airframe.toml"
+    return [
+        Finding("gains", "error", toml.name, toml_line(toml, fault.split(":")[0]), fault, "correct [gains]")
+        for fault in gain_faults(files.airframe)
+    ]
+
+
+def _current(files: Files) -> list[Finding]:
+    """Whether the compiled autopilot is what the equations and the gains say."""
+    path = files.folder / "systems" / "autopilot.xml"
+    if not path.is_file() or "python -m aircraft.autopilots.equations" not in path.read_text(
+        encoding="utf-8", errors="replace"
+    ):
+        return []
+    try:
+        now = system_xml(equations(), files.airframe.gain_values())
+    except ValueError:
+        return []  # a missing gain, which another rule names
+    if path.read_text(encoding="utf-8") == now:
+        return []
+    message = "not what the equations and the gains of airframe.toml compile to"
+    remedy = "run: python -m aircraft.autopilots.equations FOLDER"
+    return [Finding("autopilot", "warning", "systems/autopilot.xml", 1, message, remedy)]
+
+
+RULES: tuple[Callable[[Files], list[Finding]], ...] = (
+    _root,
+    _words,
+    _engine,
+    _inertia,
+    _pitch_trim,
+    _duplicates,
+    _gains,
+    _autopilot,
+    _current,
+)

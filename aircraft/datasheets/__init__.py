@@ -1,0 +1,1 @@
+"""Datasheets: what an airframe can do."""

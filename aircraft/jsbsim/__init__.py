@@ -1,0 +1,1 @@
+"""JSBSim aircraft: the wrapper, initialisation, trim, fleets, geodesy."""

@@ -1,0 +1,201 @@
+"""JsbsimFleet: N JSBSim aircraft, each its own airframe, behind the Plant seam."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from aircraft.airframe import Airframe
+from aircraft.jsbsim.fdm import Fdm, Start, telemetry
+from aircraft.jsbsim.geodesy import M_PER_FT, Origin, motion, positions
+from filters.model import Array, Command, State
+
+NOT_FINITE = "not finite"
+_GROUND_CONTACT_M = 0.3  # below this the belly skids touch
+# Loss of control. The autopilot keeps alpha below alpha_max; at twice that both our wings are past the stall
+# (X8 0.40 of 0.27 rad, Rascal 0.34 of 0.23). A gust's moment of it is no stall, and no command banks so far.
+_STALL_SHARE, _STALL_S, _UPSET_RAD = 2.0, 0.1, math.radians(100.0)
+
+
+class JsbsimFleet:
+    """N aircraft about one shared origin, started trimmed; a Plant (see `aircraft.plant`).
+
+    airframes    one per vehicle
+    dt           FDM and autopilot period [s]
+    start_speed  ground speed at t = 0 [m/s], one or (N,)
+    start_wind   wind at t = 0 [m/s], (3,) or (N, 3): what the trim, and so the crab angle, is for
+    origin       where x = y = z = 0 is
+    turbulence   JSBSim's own: wind at 20 ft [m/s] and severity, as in `Fdm.turbulence`; None flies without
+    A vehicle that meets a fault stays where it was last well, and the others fly on.
+    """
+
+    def __init__(
+        self,
+        airframes: Sequence[Airframe],
+        dt: float = 0.005,
+        start_speed: float | Array = 20.0,
+        start_wind: Array | Sequence[float] = (0.0, 0.0, 0.0),
+        origin: Origin | None = None,
+        turbulence: tuple[float, int] | None = None,
+    ) -> None:
+        if not airframes:
+            raise ValueError("a fleet needs at least one airframe")
+        if not dt > 0:
+            raise ValueError(f"the FDM period must be positive, got {dt} s")
+        n = len(airframes)
+        self.airframes = list(airframes)
+        self.dt = dt
+        self.origin = origin or Origin()
+        self._turbulence = turbulence
+        self._start_speed = np.broadcast_to(np.asarray(start_speed, dtype=float), (n,))
+        self._start_wind = np.broadcast_to(np.asarray(start_wind, dtype=float), (n, 3))
+        self._vehicles: list[Fdm] = []
+
+    def reset(self, state: State, rng: np.random.Generator) -> None:
+        """Fresh aircraft at `state` (N,), trimmed at the start speed in its wind; `rng` seeds turbulence."""
+        if len(state) != len(self.airframes):
+            raise ValueError(f"{len(self.airframes)} airframes cannot start at {len(state)} poses")
+        if not np.all(state.isfinite()):
+            raise ValueError(f"the start must be finite, got {state}")
+        self._vehicles = [Fdm(airframe, self.dt, self.origin) for airframe in self.airframes]
+        for vehicle, x, y, theta, z, v, wind in zip(
+            self._vehicles,
+            *state.array().T.tolist(),
+            self._start_speed.tolist(),
+            self._start_wind.tolist(),
+            strict=True,
+        ):
+            vehicle.start(Start(x, y, z, theta, v, wind=tuple(wind)))
+            if self._turbulence:
+                vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
+        n = len(state)
+        self._faults = [""] * n
+        self._alike = len({f.channels for f in self._vehicles}) == 1  # the same channels
+        most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
+        self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * n
+        self._axes = self.origin.axes.tolist()
+        # course [rad], ground speed [m/s], course rate [rad/s] and climb rate [m/s] of each
+        self._moves = [(theta, 0.0, 0.0, 0.0) for theta in state.theta.tolist()]
+        self._winds: list[list[float]] = []
+        # What telemetry is made of, if read already; and whether it was asked for where the vehicles are now.
+        self._readings: list[float] = []
+        self._telling = False
+        for i in range(n):
+            self._moves[i] = self._motion(i)
+        self._take(positions([x for f in self._vehicles for x in f.position()], self.origin))
+
+    def step(self, command: Command, wind: Array, n: int) -> Array:
+        """Fly `command` (N,) for n periods in `wind` (N, 3); returns positions (n, N, 3). NaN is refused."""
+        asked, winds = self._asked(command, wind)
+        flying = [not fault for fault in self._faults]
+        rows: list[float] = []
+        # Who asked for telemetry last time asks again, mostly: reading it now takes a third of what it takes
+        # later, when the aircraft has left the processor's cache.
+        telling, self._readings, self._telling = self._telling and self._alike, [], False
+        for i, vehicle in enumerate(self._vehicles):
+            if flying[i]:
+                vehicle.command(*asked[i])
+                east, north, up = winds[i]
+                flown = vehicle.run((east, north, up), n)
+                rows += flown
+                self._arrive(i, flown, n * self.dt)
+            if telling:
+                self._readings += vehicle.readings()
+        track = positions(rows, self.origin).reshape(-1, n, 3).swapaxes(0, 1)
+        if not all(flying):
+            moved, track = track, np.tile(self._position, (n, 1, 1))
+            track[:, flying] = moved
+        for i, fault in enumerate(self._faults):
+            if flying[i] and fault == NOT_FINITE:
+                known = np.isfinite(track[:, i]).all(axis=1)
+                track[~known, i] = track[known, i][-1] if known.any() else self._position[i]
+        self._take(track[-1].copy())
+        return track
+
+    def _asked(
+        self, command: Command, wind: Array
+    ) -> tuple[list[tuple[float, float, float]], list[list[float]]]:
+        """Commands and winds as plain numbers, one a vehicle; raises ValueError if one is not finite."""
+        n = len(self._vehicles)
+        if command.shape != (n,):
+            command = Command.of(np.broadcast_to(command.array(), (n, 3)))
+        if getattr(wind, "shape", ()) != (n, 3):
+            wind = np.broadcast_to(wind, (n, 3))
+        asked = list(zip(command.v.tolist(), command.omega.tolist(), command.zeta.tolist(), strict=True))
+        winds = wind.tolist()
+        fine = math.isfinite(sum(map(sum, asked)))
+        if winds != self._winds:
+            fine = fine and math.isfinite(sum(map(sum, winds)))
+        if not fine:
+            raise ValueError(f"command and wind must be finite, got {command} in {wind}")
+        self._winds = winds
+        return asked, winds
+
+    def _arrive(self, i: int, flown: list[float], period: float) -> None:
+        """Take in where vehicle i has flown in `period` [s], how it moves, and what has befallen it.
+
+        A vehicle that has met a fault keeps the course it had and is at rest.
+        flown  rows of `Fdm.run`
+        """
+        moves = self._motion(i)
+        if math.isfinite(sum(flown) + sum(moves)):
+            fault = self._lost(i, flown[-1] * M_PER_FT - self.origin.ground_m, period)
+        else:
+            fault = NOT_FINITE
+        if fault:
+            self._faults[i], moves = fault, (self._moves[i][0], 0.0, 0.0, 0.0)
+        self._moves[i] = moves
+
+    def _lost(self, i: int, height: float, period: float) -> str:
+        """What has befallen vehicle i, `height` [m] above ground, over `period` [s]; "" for nothing."""
+        if height < _GROUND_CONTACT_M:
+            return "ground"
+        alpha, roll = self._vehicles[i].upset()
+        if abs(roll) > _UPSET_RAD:
+            return "upset"
+        self._stalled_s[i] = self._stalled_s[i] + period if alpha > self._stall[i] else 0.0
+        return "stall" if self._stalled_s[i] > _STALL_S else ""
+
+    def _motion(self, i: int) -> tuple[float, float, float, float]:
+        """Course of vehicle i, counting turns, and its rates."""
+        course, v, omega, zeta = motion(self._vehicles[i].motion(), self._axes)
+        before = self._moves[i][0]
+        turned = course - before
+        if math.isfinite(turned):
+            course = before + (turned - 2 * math.pi * round(turned / (2 * math.pi)))
+        return course, v, omega, zeta
+
+    def _take(self, position: Array) -> None:
+        """Be at `position` (N, 3) m, with the courses and rates that the vehicles have."""
+        self._position = position
+        now = np.array(self._moves)
+        position.flags.writeable = now.flags.writeable = False  # handed out more than once
+        self._state = State(position[:, 0], position[:, 1], now[:, 0], position[:, 2])
+        self._achieved = Command.of(now[:, 1:])
+
+    def state(self) -> State:
+        """Poses (N,): course and east-north-up position, the truth."""
+        return self._state
+
+    def achieved(self) -> Command:
+        """Ground speed, course rate and climb rate (N,)."""
+        return self._achieved
+
+    def telemetry(self) -> dict[str, Array]:
+        """The channels of `properties.TELEMETRY` and all surfaces, (N,); NaN where there is none."""
+        self._telling = True
+        if self._alike:
+            self._readings = self._readings or [x for f in self._vehicles for x in f.readings()]
+            return telemetry(self._readings, self._vehicles[0])
+        rows = [f.telemetry() for f in self._vehicles]
+        names = dict.fromkeys(name for row in rows for name in row)
+        return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+
+    def faults(self) -> list[str]:
+        """Per vehicle "", "not finite", "ground", "stall" (alpha) or "upset" (bank)."""
+        return list(self._faults)
+
+    def __len__(self) -> int:
+        return len(self.airframes)

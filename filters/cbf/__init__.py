@@ -1,0 +1,1 @@
+"""The control-barrier-function filter: constraints, the collision filter, the theorem monitor."""

@@ -1,0 +1,1 @@
+"""Quadratic programs of the filter: one, a batch, and proofs that one has no solution."""

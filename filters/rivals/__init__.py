@@ -1,0 +1,1 @@
+"""Filters of other authors, each in one file."""

@@ -1,0 +1,1 @@
+"""Wrappers around any filter: row margins, pose prediction, the air-mass frame."""

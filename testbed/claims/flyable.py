@@ -1,0 +1,42 @@
+"""Can these vehicles fly the evading manoeuvre for ever, in this wind?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from aircraft.airframe import Airframe
+from filters.barriers.closed_form import Barrier
+from testbed.scenario.scenario import Scenario
+
+
+def unflyable(s: Scenario, barrier: Barrier, airframes: Sequence[Airframe]) -> list[str]:
+    """Why vehicles cannot fly gamma steadily, one sentence each; empty if all can.
+
+    airframes  one per vehicle, where aircraft fly
+    In steady wind the airspeed of a turn at constant ground speed swings by the wind speed to either side,
+    and the airframe must trim at both ends. Kinematic plants can fly every input in U.
+    """
+    if s.plant != "jsbsim" or not s.barrier.shared:
+        return []
+    from aircraft.jsbsim.fdm import FdmError
+    from aircraft.jsbsim.trim import trim
+
+    gamma = barrier.manoeuvre(s.vehicles)
+    reasons, known = [], {}
+    for vehicle, airframe in enumerate(airframes):
+        v, omega, zeta = (float(c[vehicle]) for c in (gamma.v, gamma.omega, gamma.zeta))
+        for airspeed in sorted({v - s.wind.speed_mps, v + s.wind.speed_mps}):
+            case = (airframe.name, airspeed, omega, zeta)
+            if case not in known:
+                try:
+                    trim(airframe, airspeed, zeta, omega)
+                    known[case] = ""
+                except (FdmError, ValueError) as error:
+                    known[case] = str(error)
+            if known[case]:
+                reasons.append(
+                    f"vehicle {vehicle + 1} ({airframe.name}) has no steady turn of"
+                    f" {math.degrees(omega):.1f} deg/s at {airspeed:.1f} m/s"
+                )
+    return reasons

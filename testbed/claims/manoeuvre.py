@@ -1,0 +1,147 @@
+"""The evading manoeuvre itself: from instants along a run the vehicles really fly gamma.
+
+h promises that from here on, if all fly gamma for ever, no pair comes closer than h says. That is the
+construct every theorem of the paper rests on; here it is flown, from branches of the recorded flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from aircraft.plant import Plant
+from filters.barriers.closed_form import Barrier
+from filters.model import Array, Limits, State
+from testbed.claims.guarantees import H_TOLERANCE_M
+from testbed.claims.verdict import PREMISE, Entry, decide, entry
+from testbed.measures.near_misses import Approach
+from testbed.scenario.scenario import Scenario
+
+# How often the air is asked and the plant stepped while gamma is flown [s].
+PERIOD_S = 0.05
+# Long enough for straight flyers of the paper to be past each other.
+STRAIGHT_HORIZON_S = 60.0
+
+
+def instants(s: Scenario, approach: Approach, end_t: float) -> list[float]:
+    """When to branch first: a third evenly along the run, a third where pairs drew nearest; [s], ascending.
+
+    Whole filter periods; of the nearest pairs the end of the approach and its beginning. The rest of
+    `checks.manoeuvre_instants` is for `fly` to place.
+    """
+    dt, n = s.rates.filter_dt_s, s.checks.manoeuvre_instants
+    spread = max(1, n // 3)
+    steps = {round(k * end_t / spread / dt) for k in range(spread)}
+    for p in np.argsort(approach.least):
+        if not np.isfinite(approach.least[p]):
+            break
+        for t in (approach.last[p], approach.first[p]):
+            if len(steps) < max(2, 2 * n // 3):
+                steps.add(round(t / dt))
+    return [k * dt for k in sorted(steps)]
+
+
+def fly(
+    s: Scenario,
+    branch: Callable[[float], Plant],
+    wind: Callable[[float, State], Array],
+    barrier: Barrier,
+    limits: Limits,
+    when: list[float],
+    i: np.ndarray,
+    j: np.ndarray,
+) -> Entry:
+    """G9: one entry, its detail a row per instant.
+
+    branch  a plant at a time of the run
+    wind    the air's motion (N, 3) m/s at a time and state
+    when    instants to start with; what they leave of `checks.manoeuvre_instants` goes, one at a time,
+            halfway between the worst instant so far and the worse of its neighbours
+    i, j    vehicles of each pair, from 0
+    """
+    e = entry(
+        "manoeuvre-keeps-Ds",
+        "G9",
+        "flown from a safe state, gamma keeps every pair Ds apart",
+        "eq. (9), Theorem 2",
+        "least distance while flying gamma",
+        "m",
+    )
+    if not i.size:
+        return e | {"why": "no pair"}
+    if not s.barrier.shared or s.barrier.kind == "euclidean":
+        return e | {"why": "the barrier has no one manoeuvre"}
+    dt = s.rates.filter_dt_s
+    rows: dict[int, dict[str, Any]] = {}
+    waiting = [round(t / dt) for t in when]
+    for _ in range(s.checks.manoeuvre_instants):
+        step = waiting.pop(0) if waiting else _between(rows)
+        if step is None:
+            break
+        plant = branch(step * dt)
+        h = barrier.values(plant.state()).h
+        least, fault = _least_distance(s, plant, wind, barrier, limits, step * dt, i, j)
+        rows[step] = _row(s, step * dt, h, least, i, j) | {"fault": fault}
+    e["detail"] = {"branches": [rows[step] for step in sorted(rows)]}
+    safe = [row for row in e["detail"]["branches"] if row["safe_pairs"]]
+    if not safe:
+        return e | {"verdict": PREMISE, "why": "no pair was in the safe set at any of these instants"}
+    worst = min(safe, key=lambda row: row["least_m"])
+    value, fault = worst["least_m"], next((row["fault"] for row in safe if row["fault"]), "")
+    e.update(value=value, bound=s.d_safe_m, margin=value - s.d_safe_m)
+    e.update(t_s=worst["t_s"], vehicles=worst["vehicles"])
+    e["why"] = fault or f"flown from h = {worst['h']:.2f}, which promises {worst['promised_m']:.2f} m"
+    return decide(e, value >= s.d_safe_m - H_TOLERANCE_M and not fault, None)
+
+
+def _row(s: Scenario, t: float, h: Array, least: Array, i: np.ndarray, j: np.ndarray) -> dict[str, Any]:
+    """What came of one instant: its worst safe pair, and how far any safe pair fell short of h's promise."""
+    safe = h >= 0.0
+    row: dict[str, Any] = {"t_s": t, "safe_pairs": int(safe.sum())}
+    if not safe.any():
+        return row
+    promised = h + s.d_safe_m if s.barrier.form == "root" else np.sqrt(np.maximum(h + s.d_safe_m**2, 0.0))
+    p = int(np.argmin(np.where(safe, least, np.inf)))
+    row |= {"least_m": float(least[p]), "vehicles": [int(i[p]) + 1, int(j[p]) + 1], "h": float(h[p])}
+    return row | {"promised_m": float(promised[p]), "short_m": float(np.max((promised - least)[safe]))}
+
+
+def _between(rows: dict[int, dict[str, Any]]) -> int | None:
+    """A filter step between the worst one and its worse neighbour; None where there is none left."""
+    steps = sorted(rows)
+    reached = {step: rows[step].get("least_m", np.inf) for step in steps}
+    worst = steps.index(min(steps, key=lambda step: reached[step]))
+    gaps = [(steps[k], steps[k + 1]) for k in (worst - 1, worst) if 0 <= k < len(steps) - 1]
+    for low, high in sorted(gaps, key=lambda gap: reached[gap[0]] + reached[gap[1]]):
+        if high - low > 1:
+            return (low + high) // 2
+    return None
+
+
+def _least_distance(
+    s: Scenario,
+    plant: Plant,
+    wind: Callable[[float, State], Array],
+    barrier: Barrier,
+    limits: Limits,
+    t: float,
+    i: np.ndarray,
+    j: np.ndarray,
+) -> tuple[Array, str]:
+    """Least distance of each pair (P,) m while all fly gamma for its period, and what ended it early."""
+    gamma = limits.clip(barrier.manoeuvre(s.vehicles))
+    turning = np.abs(gamma.omega) > 1e-9
+    horizon = float(2 * np.pi / np.abs(gamma.omega[turning]).min()) if turning.any() else STRAIGHT_HORIZON_S
+    n = max(1, round(PERIOD_S / plant.dt))
+    now = plant.state()
+    position = np.stack([now.x, now.y, now.z], axis=-1)
+    least = np.linalg.norm(position[i] - position[j], axis=-1)
+    for k in range(int(np.ceil(horizon / (n * plant.dt)))):
+        track = plant.step(gamma, wind(t + k * n * plant.dt, plant.state()), n)
+        fault = next((f"vehicle {v + 1}: {what}" for v, what in enumerate(plant.faults()) if what), "")
+        if fault:
+            return least, f"{fault} while flying gamma from {t:g} s"
+        least = np.minimum(least, np.linalg.norm(track[:, i] - track[:, j], axis=-1).min(axis=0))
+    return least, ""

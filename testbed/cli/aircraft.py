@@ -1,0 +1,187 @@
+"""Commands about airframes: `aircraft list | describe | check | copy`."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from testbed.cli.common import show_named
+from testbed.errors import UserError
+
+if TYPE_CHECKING:
+    from aircraft.airframe import Airframe
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Airframes: datasheets, checks, copies to make your own of.",
+)
+
+NameArg = Annotated[
+    str, typer.Argument(metavar="NAME", help="an airframe (see: testbed aircraft list) or its folder")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
+OutOption = Annotated[Path | None, typer.Option("--out", help="folder to write")]
+GainsOption = Annotated[
+    Path | None, typer.Option("--gains", help="a gains file, as `testbed tune` writes it")
+]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what an earlier run left there")]
+
+
+@app.command("list", epilog="Example: testbed aircraft list --json")
+def list_(as_json: JsonOption = False) -> None:
+    """The airframes that come with the testbed."""
+    from aircraft.airframe import load, names
+
+    rows = {name: load(name).title for name in names()}
+    show_named(rows, as_json)
+
+
+@app.command(
+    short_help="An airframe's datasheet.", epilog="Example: testbed aircraft describe x8 --out datasheets/x8"
+)
+def describe(
+    name: NameArg,
+    out: OutOption = None,
+    gains: GainsOption = None,
+    overwrite: OverwriteOption = False,
+    as_markdown: Annotated[bool, typer.Option("--markdown", help="print the tables as Markdown")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """A datasheet: geometry, trim, envelope, modes, margins, steps; with --out a page with plots."""
+    from aircraft.datasheets.datasheet import describe as measure
+    from aircraft.jsbsim.fdm import FdmError
+    from testbed.records.store import check_free, plain
+    from testbed.report.aircraft_tables import markdown, tables
+
+    airframe = airframe_of(name, gains)
+    if out is not None:
+        check_free(out, overwrite)
+    try:
+        sheet = measure(airframe, progress=_say)
+    except FdmError as error:
+        raise UserError(f"{name}: {error}; see: testbed aircraft check") from None
+    if out is not None:
+        from testbed.report.aircraft_page import write
+
+        write(sheet, out, overwrite)
+    if as_json:
+        print(json.dumps(plain(sheet.as_dict()), indent=2))
+        return
+    if as_markdown:
+        print(markdown(sheet))
+        return
+    for title, rows in tables(sheet).items():
+        show_table(title, rows)
+    if out is not None:
+        print(f"page: {out / 'index.html'}")
+
+
+@app.command(
+    short_help="Whether an airframe's folder is sound.",
+    epilog="Examples: testbed aircraft check x8; testbed aircraft check my-wing;"
+    " exit code 0 clean, 1 findings, 2 bad input",
+)
+def check(
+    name: NameArg,
+    as_json: JsonOption = False,
+) -> None:
+    """Lint an airframe: files, properties, inertia, controls, thrust, stall, trim; with remedies."""
+    from aircraft.airframe import folder_of
+    from aircraft.check.check import NOT_SEEN
+    from aircraft.check.check import check as lint
+
+    path = folder_of(name)
+    try:
+        findings = lint(path)
+    except NotADirectoryError as error:
+        raise UserError(str(error)) from None
+    if as_json:
+        from dataclasses import asdict
+
+        print(json.dumps([asdict(f) for f in findings], indent=2))
+    else:
+        for finding in findings:
+            print(finding)
+        count = f"{len(findings)} finding{'s' if len(findings) > 1 else ''} in {path}"
+        print(count if findings else f"{path} is clean")
+        print(textwrap.fill(f"not checked: {NOT_SEEN}", 80))
+    if findings:
+        raise typer.Exit(1)
+
+
+@app.command(short_help="A copy to make your own of.", epilog="Example: testbed aircraft copy x8 my-wing")
+def copy(
+    name: NameArg,
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="the new airframe's; its name is the last part")
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """A copy of an airframe to make your own of: its model, gains and sources in a new folder."""
+    from aircraft.airframe import copy as copied
+
+    airframe_of(name)
+    try:
+        made = copied(name, folder)
+    except (FileExistsError, ValueError) as error:
+        raise UserError(str(error)) from None
+    except OSError as error:
+        raise UserError(f"cannot write {folder}: {error.strerror}") from None
+    files = sorted(str(p.relative_to(made)) for p in made.rglob("*") if p.is_file())
+    if as_json:
+        print(json.dumps({"folder": str(folder), "files": files}, indent=2))
+        return
+    print(f"{folder}: {', '.join(files)}")
+    print(f"next: edit them, then: testbed aircraft check {folder}")
+
+
+def airframe_of(name: str, gains: Path | None = None) -> Airframe:
+    """An airframe by name or folder, with the gains of a file if given; a mistake is one line."""
+    from aircraft.airframe import load
+    from aircraft.autopilots.gains import gain_faults
+
+    try:
+        airframe = load(name)
+        if gains is not None:
+            from aircraft.autopilots.gains import read
+
+            airframe = read(gains, airframe)
+    except (FileNotFoundError, ValueError) as error:
+        raise UserError(str(error)) from None
+    if faults := gain_faults(airframe):
+        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        raise UserError(f"{gains or airframe.folder / 'airframe.toml'}: gains.{faults[0]}{more}")
+    return airframe
+
+
+def _say(what: str) -> None:
+    import sys
+
+    print(f"{what} ...", file=sys.stderr, flush=True)
+
+
+def show_table(title: str, rows: list[dict[str, Any]]) -> None:
+    """Rows below their title; a column named `step` becomes lines between them."""
+    from rich.console import Console
+
+    from testbed.report.tables import plain_table
+
+    console = Console()
+    if not rows or "step" not in rows[0]:
+        console.print(plain_table(title, rows))
+        return
+    console.print(f"[italic]{title}[/]")
+    for step, found in itertools.groupby(rows, key=lambda row: row["step"]):
+        listed = [{k: v for k, v in row.items() if k != "step"} for row in found]
+        for row in listed:
+            row["quantity"] = f"  {row['quantity']}".ljust(38)
+        table = plain_table("", listed)
+        table.title, table.show_header = None, False
+        console.print(step)
+        console.print(table)

@@ -1,0 +1,170 @@
+"""`testbed campaign`: many runs of one file, and what became of them."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from testbed.cli.common import JsonOption, OverwriteOption, WorkersOption, show, show_named
+from testbed.errors import UserError
+
+if TYPE_CHECKING:
+    from testbed.campaigns.plan import Plan
+    from testbed.campaigns.runner import Progress
+
+app = typer.Typer(no_args_is_help=True, help="Many runs of one file: grids, random draws, seeds, statistics.")
+
+FileArg = Annotated[str, typer.Argument(help="a campaign that comes with the package, or a TOML file")]
+FolderArg = Annotated[Path, typer.Argument(help="a campaign's folder")]
+ClusterOption = Annotated[
+    str | None, typer.Option("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
+]
+
+
+@app.command(
+    short_help="Fly a campaign, or go on with it.",
+    epilog="Example: testbed campaign run head-on-x8 --out runs/head-on --workers 2",
+)
+def run(
+    file: FileArg,
+    out: Annotated[Path, typer.Option("--out", help="folder to write")],
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly a campaign; interrupted, the same command or `campaign resume` goes on with it."""
+    from testbed.campaigns.runner import prepare
+
+    _check_workers(workers, cluster)
+    _fly(prepare(file, out, overwrite), out, workers, cluster, as_json)
+
+
+@app.command(epilog="Example: testbed campaign resume runs/head-on")
+def resume(
+    folder: FolderArg,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly what is missing of a campaign that was interrupted."""
+    from testbed.campaigns.runner import reopen
+
+    _check_workers(workers, cluster)
+    _fly(reopen(folder), folder, workers, cluster, as_json)
+
+
+@app.command(epilog="Example: testbed campaign status runs/head-on --json")
+def status(folder: FolderArg, as_json: JsonOption = False) -> None:
+    """How far a campaign is, and what its runs say so far. Reads only."""
+    from testbed.campaigns.folder import Journal, is_locked
+    from testbed.campaigns.runner import progress, reopen
+
+    state = progress(reopen(folder, to_fly=False), Journal(folder).entries)
+    _report(state, folder, as_json, flying=is_locked(folder))
+
+
+@app.command(
+    short_help="Read a campaign file and fly nothing.",
+    epilog="Example: testbed campaign check my-campaign.toml",
+)
+def check(file: FileArg, as_json: JsonOption = False) -> None:
+    """Read a campaign file, resolve every run of it, and say how many there are. Flies nothing."""
+    from testbed.campaigns.file import load
+    from testbed.campaigns.plan import base, expand
+
+    campaign, here = load(file)
+    plan = expand(campaign, base(campaign, here))
+    if as_json:
+        cells = [cell.label for cell in plan.cells]
+        print(json.dumps({"campaign": campaign.name, "runs": len(plan.runs), "cells": cells}, indent=2))
+        return
+    print(
+        f"{campaign.name}: {len(plan.runs)} runs, {len(plan.cells)} cells x {len(campaign.seed_list)} seeds"
+    )
+    for cell in plan.cells:
+        print(f"  {cell.label}")
+
+
+@app.command("list", epilog="Example: testbed campaign list --json")
+def list_(as_json: JsonOption = False) -> None:
+    """The campaigns that come with the package."""
+    from testbed.campaigns.file import builtin, load
+
+    rows = {name: load(name)[0].description for name in builtin()}
+    show_named(rows, as_json)
+
+
+@app.command(epilog="Example: testbed campaign schema > campaign.schema.json")
+def schema() -> None:
+    """The JSON Schema of campaign files."""
+    from testbed.campaigns.file import Campaign
+
+    print(json.dumps(Campaign.model_json_schema(), indent=2))
+
+
+def _check_workers(workers: int | None, cluster: str | None) -> None:
+    if workers is not None and cluster is not None:
+        raise UserError("--workers and --cluster: the cluster has its own workers; give one of the two")
+
+
+def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_json: bool) -> None:
+    from testbed.campaigns.executor import executor
+    from testbed.campaigns.folder import Journal
+    from testbed.campaigns.runner import fly_all, hint, progress
+    from testbed.campaigns.view import View
+    from testbed.cli.interrupts import StoppedError
+
+    try:
+        with executor(workers, cluster) as pool:
+            state = fly_all(plan, out, pool, View())
+    except (KeyboardInterrupt, StoppedError) as error:
+        kept = progress(plan, Journal(out).entries)
+        print(f"interrupted; {hint(kept, out)}", file=sys.stderr)
+        raise typer.Exit(128 + getattr(error, "number", signal.SIGINT)) from None
+    if state.complete:
+        from testbed.report.page import attach
+
+        attach(out, out.name)
+    _report(state, out, as_json)
+
+
+def _report(state: Progress, out: Path, as_json: bool, flying: bool = False) -> None:
+    from testbed.campaigns.flight import FLOWN
+    from testbed.campaigns.summary import summary, table
+
+    campaign, rows = state.plan.campaign, [e["row"] for e in state.entries.values()]
+    cells = summary(state)
+    if as_json:
+        from testbed.records.store import plain
+
+        data: dict[str, Any] = {"folder": str(out), "campaign": campaign.name, "complete": state.complete}
+        data |= {"done": len(rows), "most": len(state.plan.runs), "flying": flying, "cells": cells}
+        print(json.dumps(plain(data), indent=2))
+        return
+    from testbed.report.tables import plain_table
+
+    show(plain_table(f"{campaign.name}: runs that lose '{campaign.guarantee}'", table(cells)))
+    if reasons := _reasons(row["reason"] for row in rows if row["status"] != FLOWN):
+        print("not flown to the end of its verdicts:")
+        for line in reasons:
+            print(f"  {line}")
+    if state.complete:
+        print(f"tables: {out / 'runs.parquet'}; report: {out / 'report.html'}")
+        return
+    doing = "being flown now" if flying else f"go on with: testbed campaign resume {out}"
+    print(f"{len(rows)} of {len(state.plan.runs)} runs done; {doing}")
+
+
+def _reasons(reasons: Any, most: int = 5) -> list[str]:
+    """Each reason once, the most frequent first."""
+    from collections import Counter
+
+    counted = Counter(reasons).most_common()
+    more = [f"and {len(counted) - most} other reasons"] if len(counted) > most else []
+    return [f"{n} x {reason}" for reason, n in counted[:most]] + more

@@ -1,0 +1,106 @@
+"""What the commands share: their options, and how they load, count and print."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from testbed.errors import UserError
+
+if TYPE_CHECKING:
+    from testbed.records.run import Run
+    from testbed.report.progress import Progress
+    from testbed.scenario.scenario import Scenario
+    from testbed.studies.robustness import Found
+
+ScenarioArg = Annotated[str, typer.Argument(help="a built-in scenario (see: testbed list) or a TOML file")]
+SetOption = Annotated[
+    list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="override a field; may be repeated")
+]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", help="folder to write; default one in runs, named for what it holds")
+]
+SeedOption = Annotated[int | None, typer.Option("--seed", help="seed of everything random in the run")]
+ForceOption = Annotated[bool, typer.Option("--force", help="fly even from a start outside the safe set")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what an earlier run left there")]
+JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
+
+PlantOption = Annotated[str | None, typer.Option("--plant", help="unicycle, lagged or jsbsim")]
+SeedsOption = Annotated[int, typer.Option("--seeds", help="how many runs of each setting, from seed 1")]
+
+
+def _workers(asked: int | None) -> int | None:
+    if asked is not None and asked < 1:
+        raise UserError(f"--workers {asked}: give at least 1")
+    return asked
+
+
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", help="processes; default one a core", callback=_workers)
+]
+
+# Studies sample the filter as an autopilot would, 20 Hz, unless told otherwise.
+STUDY_RATES = ("rates.filter_dt_s=0.05", "rates.record_dt_s=1")
+
+
+def count(seeds: int) -> int:
+    if seeds < 1:
+        raise UserError(f"--seeds {seeds}: give at least 1")
+    return seeds
+
+
+def show_named(rows: Mapping[str, str], as_json: bool) -> None:
+    """Names, each with a description below it, within 80 columns."""
+    import textwrap
+
+    if as_json:
+        print(json.dumps(dict(rows), indent=2))
+        return
+    for name, description in rows.items():
+        print(name)
+        print(textwrap.indent(textwrap.fill(description, 76), "    "))
+
+
+def show_study(found: Found, as_json: bool) -> None:
+    from testbed.report.tables import plain_table
+
+    if as_json:
+        from testbed.records.store import plain
+
+        print(json.dumps(plain({"folder": str(found.folder), "rows": found.rows} | found.data), indent=2))
+        return
+    show(plain_table(found.title, found.rows))
+    for line in found.lines:
+        print(line)
+    print(f"tables and figures: {found.folder}")
+
+
+def scenario_of(source: str, overrides: list[str] | None, seed: int | None, plant: str | None) -> Scenario:
+    from testbed.scenario.scenario import load
+
+    extra = [f"seed={seed}"] if seed is not None else []
+    extra += [f"plant={plant}"] if plant is not None else []
+    return load(source, (overrides or []) + extra)
+
+
+def fly_into(s: Scenario, where: Path, force: bool, overwrite: bool) -> Run:
+    from testbed.simulation.simulate import run as fly
+
+    with progress() as bar:
+        return fly(s, where, force=force, overwrite=overwrite, progress=bar.track(s.plant))
+
+
+def progress() -> Progress:
+    from testbed.report.progress import Progress
+
+    return Progress()
+
+
+def show(table: object) -> None:
+    from rich.console import Console
+
+    Console().print(table)

@@ -1,0 +1,76 @@
+"""`testbed falsify`: search for a violation within bounds, and shrink it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbed.cli.common import (
+    JsonOption,
+    OutOption,
+    OverwriteOption,
+    PlantOption,
+    ScenarioArg,
+    SetOption,
+    WorkersOption,
+    scenario_of,
+    show_study,
+)
+from testbed.errors import UserError
+
+EXAMPLES = (
+    "Examples: testbed falsify paper-20-turn --budget 200;"
+    " testbed falsify paper-2-turn --plant jsbsim --set filter_dt_s=0.05 --set ds_buffer_m=2 --wind 8"
+)
+GUARANTEES = ("separation", "safe-set")
+
+
+def falsify(
+    scenario: ScenarioArg,
+    budget: Annotated[
+        int, typer.Option("--budget", help="most runs of the search, and of the shrinking")
+    ] = 200,
+    guarantee: Annotated[str, typer.Option("--guarantee", help="separation or safe-set")] = "separation",
+    lateral: Annotated[float | None, typer.Option("--lateral", help="of each start, m; default 10")] = None,
+    heading: Annotated[float | None, typer.Option("--heading", help="of each start, deg; default 5")] = None,
+    height: Annotated[float | None, typer.Option("--height", help="of each start, m; default 1")] = None,
+    wind: Annotated[float, typer.Option("--wind", help="added to the scenario's, m/s")] = 5.0,
+    latency: Annotated[float, typer.Option("--latency", help="of links, added to the scenario's, s")] = 0.1,
+    seed: Annotated[int, typer.Option("--seed", help="of the search; the runs have the scenario's")] = 1,
+    thorough: Annotated[
+        bool, typer.Option("--thorough", help="spend the whole budget on the least margin, violation or not")
+    ] = False,
+    plant: PlantOption = None,
+    set_: SetOption = None,
+    out: OutOption = None,
+    workers: WorkersOption = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Search starts, headings, wind and delay for a violation; shrink it; write it as a scenario file.
+
+    --lateral, --heading, --height, --wind and --latency bound the departures, 0 leaves one out. A scenario's
+    own random perturbations of starts stand in for the defaults; they are searched, not drawn.
+    """
+    from contextlib import nullcontext
+
+    from testbed.campaigns.executor import executor
+    from testbed.records.store import check_free
+    from testbed.studies.falsify.falsify import falsify as search
+    from testbed.studies.falsify.flights import Flights
+    from testbed.studies.falsify.report import write
+    from testbed.studies.falsify.space import Space, bounds
+
+    s = scenario_of(scenario, set_, None, plant)
+    where = out or Path("runs") / f"{s.name}-falsify"
+    check_free(where, overwrite)
+    if budget < 1:
+        raise UserError(f"--budget {budget}: give at least 1")
+    if guarantee not in GUARANTEES:
+        raise UserError(f"--guarantee {guarantee}: give {' or '.join(GUARANTEES)}")
+    space = Space.of(s, bounds(s, lateral, heading, height, wind, latency))
+    with nullcontext() if workers == 1 else executor(workers) as pool:
+        result = search(Flights(space, guarantee, budget, pool), seed, thorough)
+    show_study(write(result, where, overwrite), as_json)

@@ -1,0 +1,91 @@
+"""`testbed verify`: h and every verdict again from the recorded positions."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from testbed.cli.common import JsonOption, progress, show
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from testbed.verification.finding import Finding
+
+EXAMPLE = "Example: testbed verify runs/demo/jsbsim --fly"
+ANSWERS = {True: "agrees", False: "DIFFERS", None: "open"}
+
+
+def verify(
+    run: Annotated[Path, typer.Argument(help="a run's folder")],
+    fly: Annotated[
+        bool,
+        typer.Option("--fly", help="fly it again as well, and compare bit for bit: settles what is open"),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Work out h and the verdicts of a finished run anew, from its positions and by other formulas.
+
+    Values agree within what is printed; open is what the record cannot decide, such as steps that were not
+    recorded. Exit code 1 if anything differs or a file was changed, 2 if the folder cannot be read or lacks
+    rows.
+    """
+    from testbed.verification.check import verify as check
+
+    findings = check(run)
+    if fly:
+        from testbed.simulation.refly import refly
+
+        with progress() as bar:
+            findings += refly(run, bar.track("again"))
+    wrong, left = ([f for f in findings if f.agrees is answer] for answer in (False, None))
+    if as_json:
+        said = {"run": str(run), "agrees": not wrong, "open": [f.what for f in left]}
+        print(json.dumps(said | {"findings": [vars(f) for f in findings]}, indent=2))
+    else:
+        show(_table(str(run), findings))
+        for line in _reasons(wrong, left):
+            print(textwrap.fill(line, 80, subsequent_indent="  "))
+        print(_last(findings, wrong, left, fly))
+    if wrong:
+        raise typer.Exit(1)
+
+
+def _table(title: str, findings: list[Finding]) -> Table:
+    """What the run says and what we find, within 80 columns."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title), title_justify="left", pad_edge=False, padding=(0, 1), box=None)
+    for name in ("", "the run says", "we find", "within", "so it"):
+        table.add_column(name, overflow="fold", no_wrap=name in ("", "within", "so it"))
+    for f in findings:
+        within = "-" if f.within is None else f"{f.within:.2g}"
+        # Long names break where they have a dash.
+        what = f.what.replace("monitor-", "").replace("_limited", "-limited")
+        table.add_row(*map(Text, (what, f.said, f.own, within, ANSWERS[f.agrees])))
+    return table
+
+
+def _reasons(wrong: list[Finding], left: list[Finding]) -> list[str]:
+    """What differs, one each; what is open, by why."""
+    lines = [f"{f.what} differs: {f.why or f.own}" for f in wrong]
+    for why in dict.fromkeys(f.why for f in left):
+        names = [f.what for f in left if f.why == why]
+        lines.append(f"open: {', '.join(names)}: {why}")
+    return lines
+
+
+def _last(findings: list[Finding], wrong: list[Finding], left: list[Finding], fly: bool) -> str:
+    if wrong:
+        return textwrap.fill("differs: " + ", ".join(f.what for f in wrong), 80, subsequent_indent="  ")
+    agreed = f"{len(findings) - len(left)} of {len(findings)} agree"
+    if not left:
+        return f"{agreed}: everything does"
+    if fly and not any(f.what == "flown again" for f in left):
+        return f"{agreed}, {len(left)} are open to the record alone; flown again, all is the same"
+    return f"{agreed}, {len(left)} are open; --fly flies the run again to settle them"

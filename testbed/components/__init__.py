@@ -1,0 +1,1 @@
+"""Makes plants, filters, guidance and environments from a scenario or from the user's own code."""

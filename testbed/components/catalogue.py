@@ -1,0 +1,257 @@
+"""From a scenario to the objects it names. A new barrier, filter, plant or controller is one entry here."""
+
+from __future__ import annotations
+
+import itertools
+import platform
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib import metadata
+from math import radians
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aircraft.kinematic import Lag
+from aircraft.plant import Plant
+from filters.barriers.class_k import OddPolynomial, cubic, linear
+from filters.barriers.closed_form import (
+    Barrier,
+    EuclideanBarrier,
+    ForwardDifference,
+    StraightBarrier,
+    TurnBarrier,
+)
+from filters.cbf.collision import CollisionFilter, Filter, Passthrough
+from filters.cbf.constraints import PerPair
+from filters.cbf.theorem_monitor import Monitor
+from filters.model import Array, Command, Limits
+from testbed.components import remedies
+from testbed.components.guidance import Constant, NearIdentity, NominalController
+from testbed.components.initial_conditions import generators, places
+from testbed.errors import UserError
+from testbed.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from testbed.environment.disturbance import Disturbance
+
+PACKAGES = ("jsbsim", "daqp", "osqp", "numpy", "scipy", "pandas", "pyarrow")
+
+
+def limits(s: Scenario) -> Limits:
+    """The input set U of every vehicle."""
+    box = s.limits
+    values = (box.v_min_mps, box.v_max_mps, np.radians(box.omega_max_degps), box.zeta_max_mps)
+    return Limits(*(np.full(s.vehicles, v) for v in values))
+
+
+def _turn(s: Scenario) -> Barrier:
+    b = s.barrier
+    if b.pairs:
+        return PerPair(
+            tuple(
+                TurnBarrier(p.v_mps, radians(p.omega_degps), s.d_safe_m, b.delta_m2, form=b.form)
+                for p in b.pairs
+            )
+        )
+    return TurnBarrier(
+        v=b.v_mps,
+        omega=radians(b.omega_degps),
+        d_safe=s.d_safe_m,
+        delta=b.delta_m2,
+        sigma=_per_vehicle(b.sigma, s),
+        form=b.form,
+        smoothing=b.smoothing_m2,
+    )
+
+
+def _straight(s: Scenario) -> Barrier:
+    b = s.barrier
+    speeds = b.v_mps * (1.0 + b.speed_step * np.arange(1, s.vehicles + 1))
+    return StraightBarrier(speeds, _per_vehicle(b.zeta_mps, s), s.d_safe_m, b.form)
+
+
+def _rollout(s: Scenario) -> Barrier:
+    from filters.barriers.rollout import RolloutBarrier
+
+    m = s.barrier.manoeuvres * (s.vehicles if len(s.barrier.manoeuvres) == 1 else 1)
+    v, omega, zeta = np.array([[q.v_mps, q.omega_degps, q.zeta_mps] for q in m]).T
+    return RolloutBarrier(Command(v, np.radians(omega), zeta), s.d_safe_m, form=s.barrier.form)
+
+
+def _euclidean(s: Scenario) -> Barrier:
+    # The Euclidean distance needs no manoeuvre; the turn is what a vehicle flies when the QP has no solution.
+    b = s.barrier
+    return EuclideanBarrier(s.d_safe_m, b.form, gamma=Command.of([b.v_mps, radians(b.omega_degps), 0.0]))
+
+
+def _per_vehicle(values: float | list[float], s: Scenario) -> Array:
+    return np.resize(np.asarray(values, dtype=float), s.vehicles)
+
+
+BARRIERS = {"turn": _turn, "straight": _straight, "rollout": _rollout, "euclidean": _euclidean}
+
+
+def barrier(s: Scenario) -> Barrier:
+    """The barrier as the scenario states it: the one verdicts use.
+
+    Raises UserError where the manoeuvre gives no barrier, such as two equal straight speeds.
+    """
+    try:
+        return BARRIERS[s.barrier.kind](s)
+    except ValueError as error:
+        raise UserError(f"barrier: {error}") from None
+
+
+def alpha(s: Scenario) -> OddPolynomial:
+    a = s.alpha
+    if a.kind == "odd-polynomial":
+        return OddPolynomial(tuple(a.coefficients))
+    return {"linear": linear, "cubic": cubic}[a.kind](a.coefficient)
+
+
+def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    own = ForwardDifference(b, s.barrier.gradient_step) if s.barrier.gradient == "forward" else b
+    mode: Any = s.filter.kind
+    made = CollisionFilter(
+        own,
+        alpha(s),
+        mode=mode,
+        shared=s.barrier.shared,
+        margin=remedies.margin(s),
+        solver=s.filter.solver,
+    )
+    return Monitor(made) if s.filter.monitor else made
+
+
+def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    from filters.rivals.navigation import NavigationFilter
+
+    p = s.navigation
+    # The paper's potential draws each vehicle back to the line from its start; drawn again, it is the same.
+    start, _ = places(s, generators(s.seed)["start"])
+    return NavigationFilter(
+        goal,
+        np.stack([start.x, start.y], axis=-1),
+        speed=p.speed_mps,
+        gain=p.heading_gain_per_s,
+        path_radius=p.path_radius_m,
+        path_gain=p.path_gain,
+        exponent=p.potential_exponent,
+        swirl=p.swirl,
+        vehicle_radius=p.vehicle_radius_m,
+        vehicle_margin=p.vehicle_margin_m,
+        disc_radius=p.disc_radius_m,
+        disc_margin=p.disc_margin_m,
+        sensing_range=p.sensing_range_m,
+        step=p.difference_step_m,
+    )
+
+
+FILTERS = {
+    "centralised": _collision,
+    "limited": _collision,
+    "navigation": _navigation,
+    "none": lambda s, b, goal: Passthrough(),
+}
+
+
+def filter_(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    """What alters the nominal input, with the scenario's remedies; `b` is the barrier verdicts use."""
+    changed = remedies.scenario(s)
+    own = b if changed is s else barrier(changed)
+    return remedies.wrap(s, FILTERS[s.filter.kind](s, own, goal), own, lags)
+
+
+NOMINALS: dict[str, Callable[[Scenario, Array, Barrier], NominalController]] = {
+    "near-identity": lambda s, goal, b: NearIdentity(goal, s.nominal.lookahead_m, s.nominal.gain_per_s),
+    "manoeuvre": lambda s, goal, b: Constant(b.manoeuvre(s.vehicles)),
+}
+
+
+def nominal(s: Scenario, goal: Array, b: Barrier) -> NominalController:
+    return NOMINALS[s.nominal.controller](s, goal, b)
+
+
+def _unicycle(s: Scenario, wind: Array) -> Plant:
+    from aircraft.kinematic import KinematicFleet
+
+    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, start_wind=wind)
+
+
+def _jsbsim(s: Scenario, wind: Array) -> Plant:
+    from aircraft.jsbsim.fleet import JsbsimFleet
+    from testbed.environment.gusts import JSBSIM_SEVERITY, W20_MPS
+
+    own = s.gusts.jsbsim_turbulence
+    turbulence = None if own == "none" else (W20_MPS[own], JSBSIM_SEVERITY[own])
+    speed, dt = s.start.speed_mps, s.rates.fdm_dt_s
+    return JsbsimFleet(airframes(s), dt, speed, wind, turbulence=turbulence)
+
+
+def _lagged(s: Scenario, wind: Array) -> Plant:
+    from aircraft.kinematic import KinematicFleet
+
+    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, lags(s), s.start.speed_mps, wind)
+
+
+PLANTS = {"unicycle": _unicycle, "lagged": _lagged, "jsbsim": _jsbsim}
+
+
+def plant(s: Scenario, wind: Array | None = None) -> Plant:
+    """The vehicles, ready for `reset` in `wind` (N, 3) m/s; None is calm."""
+    return PLANTS[s.plant](s, np.zeros((s.vehicles, 3)) if wind is None else wind)
+
+
+def disturbance(s: Scenario, rngs: dict[str, np.random.Generator]) -> Disturbance:
+    """What disturbs the flight, drawing from the generators named gust, noise and network."""
+    from testbed.environment.disturbance import build
+
+    return build(s, rngs)
+
+
+def lags(s: Scenario) -> list[tuple[Lag, ...]]:
+    """Per vehicle or once for all, the lags of the channels: the lagged plant's, what a prediction knows."""
+    if s.lags.source == "table" and s.plant != "jsbsim":
+        return [remedies.lag_table(s)]
+    return [remedies.identified_lags(airframe, s.lags.limits) for airframe in airframes(s)]
+
+
+def airframes(s: Scenario) -> list[Any]:
+    from aircraft.airframe import load
+
+    try:
+        known = {name: load(name) for name in sorted(set(s.airframes))}
+    except (FileNotFoundError, ValueError) as error:
+        raise UserError(f"airframes: {error}") from None
+    # Tables, recordings and hashes tell airframes apart by name.
+    for (one, a), (other, b) in itertools.combinations(known.items(), 2):
+        if a.name == b.name and (a.folder, a.gains) != (b.folder, b.gains):
+            raise UserError(f"airframes: {one} and {other} are both called {a.name}; rename one in its files")
+    return [known[s.airframes[i % len(s.airframes)]] for i in range(s.vehicles)]
+
+
+def airframe_hashes(s: Scenario, loaded: Sequence[Any] = ()) -> dict[str, str]:
+    """The files and gains of each airframe the plant flies or a prediction knows the lags of, as SHA-256.
+
+    loaded  `airframes(s)`, where they have been loaded
+    """
+    lags = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
+    if s.plant != "jsbsim" and not lags:
+        return {}
+    known = {airframe.name: airframe for airframe in loaded or airframes(s)}
+    return {name: airframe.fingerprint() for name, airframe in known.items()}
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything a number in a run depends on."""
+    return {
+        "cbf-jsbsim-testbed": _version("cbf-jsbsim-testbed"),
+        "python": platform.python_version(),
+    } | {name: _version(name) for name in PACKAGES}
+
+
+@cache
+def _version(package: str) -> str:
+    # Reading all of them takes as long as flying two aircraft for three seconds.
+    return metadata.version(package)

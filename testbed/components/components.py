@@ -1,0 +1,43 @@
+"""What a run is put together from: made from the scenario by the catalogue, unless you bring your own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from aircraft.plant import Plant
+from filters.barriers.closed_form import Barrier
+from filters.cbf.collision import Filter
+from filters.model import Array
+from testbed.components import catalogue
+from testbed.components.guidance import NominalController
+from testbed.environment.disturbance import Disturbance
+from testbed.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Makers of the four parts of a run, each called once with what it is made from.
+
+    plant        (scenario, wind (N, 3) m/s at the start) -> `aircraft.plant.Plant`; twice where the
+                 evading manoeuvre is flown as well
+    filter       (scenario, barrier, goal (N, 3) m) -> `filters.cbf.collision.Filter`
+    nominal      (scenario, goal (N, 3) m, barrier) -> `testbed.components.guidance.NominalController`
+    disturbance  (scenario, generators by name) -> `testbed.environment.disturbance.Disturbance`
+    A scenario file cannot name code: parts of one's own come from Python alone.
+    """
+
+    plant: Callable[[Scenario, Array], Plant] = catalogue.plant
+    filter: Callable[[Scenario, Barrier, Array], Filter] = catalogue.filter_
+    nominal: Callable[[Scenario, Array, Barrier], NominalController] = catalogue.nominal
+    disturbance: Callable[[Scenario, dict[str, np.random.Generator]], Disturbance] = catalogue.disturbance
+
+    def own(self) -> dict[str, str]:
+        """The parts that are not the catalogue's -> the Python name of their maker."""
+        changed = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
+        return {
+            part: f"{getattr(maker, '__module__', '?')}.{getattr(maker, '__qualname__', repr(type(maker)))}"
+            for part, maker in changed.items()
+        }

@@ -1,0 +1,57 @@
+"""Where the vehicles start and where they want to go, and the random streams everything draws from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from filters.model import Array, State
+from testbed.scenario.scenario import Scenario
+
+# Append only: a stream's place decides its numbers.
+STREAMS = ("start", "plant", "gust", "noise", "network", "other")
+
+
+def generators(seed: int) -> dict[str, np.random.Generator]:
+    """Independent named generators, all from one seed."""
+    children = np.random.SeedSequence(seed).spawn(len(STREAMS))
+    return {name: np.random.default_rng(child) for name, child in zip(STREAMS, children, strict=True)}
+
+
+def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
+    """Initial states (N,) and goals (N, 3) m.
+
+    On the circle vehicle i (from 0) stands at angle pi + i 2 pi / k, faces the centre plus an offset, and
+    its goal is the antipode (Squires et al. 2022, III.D, without the goal's stray pi).
+    Perturbations are drawn whatever their size, so that equal seeds stay paired across scenarios; offsets
+    add to them.
+    """
+    start, n = scenario.start, scenario.vehicles
+    if start.pattern == "circle":
+        angle = np.arange(n) * (2 * np.pi / n)
+        x, y = start.radius_m * np.cos(angle + np.pi), start.radius_m * np.sin(angle + np.pi)
+        theta = angle + np.radians(start.course_offset_deg)
+        z = np.resize(np.asarray(start.heights_m), n)
+        goal = np.stack(
+            [start.radius_m * np.cos(angle), start.radius_m * np.sin(angle), np.zeros(n)], axis=-1
+        )
+    else:
+        p = start.places
+        x, y, z = (np.array([getattr(q, name) for q in p]) for name in ("x_m", "y_m", "z_m"))
+        theta = np.radians([q.course_deg for q in p])
+        goal = np.array([[q.goal_x_m, q.goal_y_m, q.goal_z_m] for q in p])
+    if start.round_decimals is not None:
+        x, y = np.round(x, start.round_decimals), np.round(y, start.round_decimals)
+        theta = np.radians(np.round(np.degrees(theta), start.round_decimals))
+    lateral, turn, height = rng.uniform(-1.0, 1.0, (3, n))
+    across = lateral * start.lateral_perturbation_m + _each(start.lateral_offsets_m, n)
+    x, y = x - across * np.sin(theta), y + across * np.cos(theta)
+    turned = turn * np.radians(start.heading_perturbation_deg) + np.radians(
+        _each(start.heading_offsets_deg, n)
+    )
+    up = height * start.height_perturbation_m + _each(start.height_offsets_m, n)
+    return State(x, y, theta + turned, z + up), goal
+
+
+def _each(offsets: list[float], n: int) -> Array:
+    """One offset per vehicle (n,); none listed is none."""
+    return np.asarray(offsets) if offsets else np.zeros(n)

@@ -1,0 +1,113 @@
+"""From a scenario's [remedy] table to the filter's own barrier, its margins and its wrappers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from math import radians
+
+import numpy as np
+
+from aircraft.airframe import Airframe, Channel
+from aircraft.kinematic import Lag
+from filters.barriers.closed_form import Barrier
+from filters.cbf.collision import Filter
+from filters.wrappers.air_mass import AirMass
+from filters.wrappers.pose_prediction import Horizon, LaggedPose, Predicted
+from filters.wrappers.row_margins import BoundedError, InputToState, Margin, Sum
+from testbed.errors import UserError
+from testbed.scenario.scenario import Scenario
+
+
+def scenario(s: Scenario) -> Scenario:
+    """What the filter's barrier is built from; `s` itself if no remedy changes that."""
+    r, b = s.remedy, s.barrier
+    if not (r.ds_buffer_m or r.smoothing_m2 or r.derate != 1.0 or r.derate_speed != 1.0):
+        return s
+    turned = {"v_mps": b.v_mps * r.derate_speed, "omega_degps": b.omega_degps * r.derate}
+    manoeuvres, pairs = (
+        [
+            m.model_copy(update={"v_mps": m.v_mps * r.derate_speed, "omega_degps": m.omega_degps * r.derate})
+            for m in listed
+        ]
+        for listed in (b.manoeuvres, b.pairs)
+    )
+    changes = turned | {"manoeuvres": manoeuvres, "pairs": pairs}
+    if r.smoothing_m2:
+        changes |= {"smoothing_m2": r.smoothing_m2, "delta_m2": 0.0}
+    return s.model_copy(
+        update={"d_safe_m": s.d_safe_m + r.ds_buffer_m, "barrier": b.model_copy(update=changes)}
+    )
+
+
+def margin(s: Scenario) -> Margin | None:
+    """What the filter's rows are raised by; None for the paper's rows."""
+    r = s.remedy
+    margins: list[Margin] = []
+    if r.robust_v_mps or r.robust_omega_degps or r.robust_zeta_mps:
+        margins.append(BoundedError(r.robust_v_mps, radians(r.robust_omega_degps), r.robust_zeta_mps))
+    if r.issf_epsilon is not None:
+        margins.append(
+            InputToState(r.issf_epsilon, r.issf_v_mps, radians(r.issf_omega_degps), r.issf_zeta_mps)
+        )
+    return Sum(tuple(margins)) if len(margins) > 1 else margins[0] if margins else None
+
+
+def wrap(
+    s: Scenario, made: Filter, own: Barrier, lags: Callable[[Scenario], list[tuple[Lag, ...]]]
+) -> Filter:
+    """`made`, over the filter's `own` barrier, looking at predicted poses and flying in the air's frame.
+
+    The prediction is the inner one: what holds of a unicycle in calm air holds of it relative to the air.
+    """
+    r = s.remedy
+    if r.predict_lags:
+        made = Predicted(made, LaggedPose(lags(s), own.manoeuvre(s.vehicles)))
+    elif r.prediction_s:
+        made = Predicted(made, Horizon(r.prediction_s))
+    if r.air_mass:
+        speed, towards = s.wind.speed_mps, radians(s.wind.towards_deg)
+        if speed >= s.limits.v_min_mps:
+            raise UserError(
+                f"remedy.air_mass: a wind of {speed:g} m/s is not slower than"
+                f" limits.v_min_mps {s.limits.v_min_mps:g}"
+            )
+        made = AirMass(made, speed * np.array([math.cos(towards), math.sin(towards)]))
+    return made
+
+
+def lag_table(s: Scenario) -> tuple[Lag, Lag, Lag]:
+    """The lags of v, omega and zeta as the numbers of the scenario's [lags] table say."""
+    t = s.lags
+
+    def limit(most: float | None) -> float:
+        return math.inf if most is None or not t.limits else most
+
+    def constant(seconds: float | None, absent: float) -> float:
+        return absent if seconds is None else seconds
+
+    fall, rise = -limit(t.v_fall_max_mps2), limit(t.v_rise_max_mps2)
+    turn = limit(t.omega_change_max_degps2) * radians(1)
+    climb = limit(t.zeta_change_max_mps2)
+    return (
+        Lag(constant(t.v_time_constant_s, 1.0), t.v_delay_s, fall, rise),
+        Lag(constant(t.omega_time_constant_s, 0.35), t.omega_delay_s, -turn, turn),
+        Lag(constant(t.zeta_time_constant_s, 0.3), t.zeta_delay_s, -climb, climb),
+    )
+
+
+def identified_lags(airframe: Airframe, limits: bool = True) -> tuple[Lag, Lag, Lag]:
+    """The lags of v, omega and zeta identified on an airframe, with or without their rate limits."""
+    known = airframe.identified
+    if known is None:
+        raise UserError(
+            f"lags: airframe {airframe.name} has no identified channels; run"
+            f' python -m aircraft.autopilots.identification {airframe.folder}, or set lags.source = "table"'
+        )
+
+    def lag(c: Channel) -> Lag:
+        rise = math.inf if c.rate_max is None or not limits else c.rate_max
+        fall = -rise if c.rate_min is None or not limits else c.rate_min
+        return Lag(c.time_constant_s, c.delay_s, fall, rise)
+
+    return lag(known.v), lag(known.omega), lag(known.zeta)

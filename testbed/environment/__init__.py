@@ -1,0 +1,1 @@
+"""Wind, gusts, sensing and the communication network."""

@@ -1,0 +1,1 @@
+"""What is counted at every step of a run."""

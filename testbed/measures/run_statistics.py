@@ -1,0 +1,235 @@
+"""What must not be missed between recordings: extremes and counts kept at every step of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from filters.barriers.closed_form import all_pairs
+from filters.model import Array, Limits
+from filters.qp.single import Status
+from testbed.measures.near_misses import Approach
+from testbed.measures.saturation import Saturation
+
+# |h| [m] below which a pair stands at the boundary of the safe set.
+BOUNDARY_M = 0.05
+
+
+@dataclass
+class Extreme:
+    """The smallest value seen of each of several quantities, and when it was seen first."""
+
+    value: Array
+    t: Array
+
+    @classmethod
+    def of(cls, size: int) -> Extreme:
+        return cls(np.full(size, np.inf), np.full(size, np.nan))
+
+    def update(self, t: Array | float, value: Array) -> None:
+        """Take in `value` (..., size) at times `t` (...)."""
+        low = value if value.ndim == 1 else value.min(axis=0)
+        better = low < self.value
+        if not better.any():
+            return
+        when = t if value.ndim == 1 else np.asarray(t)[np.argmin(value, axis=0)]
+        self.value = np.where(better, low, self.value)
+        self.t = np.where(better, when, self.t)
+
+    def worst(self) -> tuple[int, float, float]:
+        """Index, value and time of the smallest of all; (-1, nan, nan) if nothing was seen."""
+        if not self.value.size or not np.isfinite(self.value).any():
+            return -1, float("nan"), float("nan")
+        k = int(np.argmin(self.value))
+        return k, float(self.value[k]), float(self.t[k])
+
+
+@dataclass
+class Tally:
+    """Extremes over a whole run, at the rate each quantity is made.
+
+    Per pair (P,):
+    separation  m, at every FDM step
+    between     m, closest approach of the paths, straight between FDM steps
+    h           the unmodified barrier at the true state, at every filter step
+    admissible  the most that hdot + alpha(h) can be made by inputs in U, where h >= 0
+    condition   hdot + alpha(h) along the motion that followed, over each filter period
+    rows        L_g h u + alpha(h) of the filter's own rows under its commands, where its QPs were solved
+    gradient    |L_g h| at the boundary of the safe set
+    kink        filter steps' worth of motion between the state and the barrier's kink, for binding pairs
+
+    Per vehicle (N,):
+    command_margin  distance of the command inside its limits as a share of their range
+    goal            m, closest approach to its goal at every FDM step
+    passed          s, when it first came within the goal radius; nan if never
+    path            m, flown until then, or in all
+    altered         (N, 3) integral of |u - clip(u_hat)|: m, rad, m
+    lowest, highest (N, 3) achieved rates
+
+    saturation  surfaces and throttle at their stops
+    approach    where pairs drew nearest, if anybody asks
+    """
+
+    vehicles: int
+    saturation: Saturation = field(default_factory=Saturation)
+    approach: Approach | None = None
+    separation: Extreme = field(init=False)
+    between: Extreme = field(init=False)
+    h: Extreme = field(init=False)
+    admissible: Extreme = field(init=False)
+    condition: Extreme = field(init=False)
+    rows: Extreme = field(init=False)
+    gradient: Extreme = field(init=False)
+    kink: Extreme = field(init=False)
+    command_margin: Extreme = field(init=False)
+    goal: Extreme = field(init=False)
+    passed: Array = field(init=False)
+    path: Array = field(init=False)
+    altered: Array = field(init=False)
+    lowest: Array = field(init=False)
+    highest: Array = field(init=False)
+    override_steps: Array = field(init=False)
+    filter_steps: int = 0
+    solves: bool = False  # whether any QP stood above any vehicle
+    qp_failures: dict[str, int] = field(default_factory=dict)
+    failures_inside: int = 0
+    first_failure: tuple[float, int, str] | None = None
+    worst_residual: float = 0.0
+
+    def __post_init__(self) -> None:
+        n, pairs = self.vehicles, self.vehicles * (self.vehicles - 1) // 2
+        for name in ("separation", "between", "h", "admissible", "condition", "rows", "gradient", "kink"):
+            setattr(self, name, Extreme.of(pairs))
+        self.command_margin, self.goal = Extreme.of(n), Extreme.of(n)
+        self.passed, self.path, self.altered = np.full(n, np.nan), np.zeros(n), np.zeros((n, 3))
+        self.lowest, self.highest = np.full((n, 3), np.inf), np.full((n, 3), -np.inf)
+        self.override_steps = np.zeros(n, dtype=int)
+        self._last: Array | None = None
+        self._amplitude: Array | None = None
+
+    @property
+    def without_qp(self) -> bool:
+        """Whether decisions were seen, and no QP stood behind any of them."""
+        return self.filter_steps > 0 and not self.solves
+
+    def start(self, position: Array, goal: Array, goal_radius: float) -> None:
+        """Begin at `position` (N, 3) m, bound for within `goal_radius` of `goal` (N, 3)."""
+        self._goal, self._goal_radius = goal, goal_radius
+        self._i, self._j = all_pairs(self.vehicles)
+        self._last = None
+        self.positions(np.zeros(1), position[None], 1)
+
+    def positions(self, t: Array, track: Array, periods: int) -> None:
+        """Take in positions `track` (n, N, 3) at times `t` (n,); a path is counted by `periods` of them."""
+        whole = track if self._last is None else np.concatenate([self._last[None], track])
+        if self._i.size:
+            # Entries first: numpy sums over a last axis of 3 slowly.
+            places = np.ascontiguousarray(whole.transpose(2, 0, 1))
+            offset = places.take(self._i, axis=-1) - places.take(self._j, axis=-1)
+            self.separation.update(t, np.sqrt(_square(offset[:, len(whole) - len(track) :])))
+            if len(whole) > 1:
+                self.between.update(t[-(len(whole) - 1) :], _closest(offset))
+        distance = np.sqrt(_square((track - self._goal).transpose(2, 0, 1)))
+        self.goal.update(t, distance)
+        inside = distance <= self._goal_radius
+        flying = np.isnan(self.passed)
+        if len(whole) > 1:
+            # The period in which the vehicle arrives still counts, those after it do not.
+            flown = np.sqrt(_square(np.diff(whole, axis=0).transpose(2, 0, 1)))
+            by_period = flown.reshape(-1, periods, self.vehicles).sum(axis=1)
+            arrives = inside.reshape(-1, periods, self.vehicles).any(axis=1)
+            by_period[1:][np.logical_or.accumulate(arrives)[:-1]] = 0.0
+            self.path += np.where(flying, by_period.sum(axis=0), 0.0)
+        arrived = inside.any(axis=0) & flying
+        self.passed = np.where(arrived, t[np.argmax(inside, axis=0)], self.passed)
+        self._last = track[-1].copy()
+
+    def decided(
+        self,
+        t: Array,
+        dt: float,
+        command: Array,
+        wanted: Array,
+        rates: Array,
+        override: Array,
+        limits: Limits,
+    ) -> None:
+        """Take in what was commanded at `t` (S,), what was wanted, and the rates achieved until then.
+
+        command, wanted, rates  (S, N, 3); override  (S, N)
+        """
+        self.filter_steps += len(t)
+        low, high = limits.corners
+        span = np.where(high > low, high - low, 1.0)
+        self.command_margin.update(t, (np.minimum(command - low, high - command) / span).min(axis=-1))
+        clipped = np.minimum(np.maximum(wanted, low), high)
+        self.altered += (np.abs(command - clipped) * dt).sum(axis=0)
+        self.lowest = np.minimum(self.lowest, rates.min(axis=0))
+        self.highest = np.maximum(self.highest, rates.max(axis=0))
+        self.override_steps += override.sum(axis=0)
+
+    def solved(self, t: Array, status: NDArray[np.int_], residual: Array, inside: NDArray[np.bool_]) -> None:
+        """Take in how the QPs at `t` (S,) ended, and count vehicles whose QP had no solution.
+
+        status, residual  (S, N); inside  (S,) whether every pair was in the safe set
+        """
+        self.solves = self.solves or bool(np.any(status != Status.NONE))
+        self.worst_residual = max(self.worst_residual, float(residual.max(initial=0.0)))
+        bad = (status == Status.INFEASIBLE) | (status == Status.ITERATION_LIMIT)
+        for step, vehicle in np.argwhere(bad).tolist():
+            name = Status(int(status[step, vehicle])).name.lower()
+            self.qp_failures[name] = self.qp_failures.get(name, 0) + 1
+            self.failures_inside += bool(inside[step])
+            if self.first_failure is None:
+                self.first_failure = (float(t[step]), vehicle, name)
+
+    def barrier(self, t: Array, h: Array, lie: Array, alpha: Array, limits: Limits) -> None:
+        """Take in the unmodified barrier at the true states at `t` (S,): h and alpha(h), (S, P).
+
+        lie  L_g h by vehicle i or j, and by v, omega and zeta, (2, 3, S, P)
+        """
+        self.h.update(t, h)
+        if self.approach is not None:
+            for at, now in zip(t.tolist(), h, strict=True):
+                self.approach.update(at, now.copy())
+        best, least = alpha.copy(), alpha.copy()
+        for side, vehicle in zip(lie, (self._i, self._j), strict=True):
+            low, high = (corner[vehicle].T[:, None] for corner in limits.corners)
+            a, b = side * low, side * high
+            best += np.maximum(a, b).sum(axis=0)
+            least += np.minimum(a, b).sum(axis=0)
+        # sup over U of hdot + alpha(h), eq. (3), for pairs in their safe set
+        self.admissible.update(t, np.where(h >= 0.0, best, np.inf))
+        self._binding = least < 0.0
+        edge = np.abs(h) <= BOUNDARY_M
+        if edge.any():
+            self.gradient.update(t, np.where(edge, np.sqrt(_square(lie[0]) + _square(lie[1])), np.inf))
+
+    def phasor(self, t: Array, z: Array) -> None:
+        """Take in the turn barrier's phasor Z (S, P) complex [m^2]; call after `barrier`."""
+        before = z[:1] if self._amplitude is None else self._amplitude[None]
+        moved = np.abs(z - np.concatenate([before, z[:-1]]))
+        binding = self._binding
+        if self._amplitude is None:
+            binding[0] = False
+        if binding.any():
+            self.kink.update(t, np.where(binding, np.abs(z) / np.maximum(moved, 1e-12), np.inf))
+        self._amplitude = z[-1]
+
+
+def _square(v: Array) -> Array:
+    """The squared length (...) of vectors (3, ...)."""
+    x, y, z = v * v
+    return np.asarray(x + y + z)
+
+
+def _closest(offset: Array) -> Array:
+    """Least distance (n - 1, P) between straight paths whose offsets at n instants are `offset` (3, n, P)."""
+    a, move = offset[:, :-1], np.diff(offset, axis=1)
+    length = _square(move)
+    along = a * move
+    share = -(along[0] + along[1] + along[2]) / np.where(length > 0.0, length, 1.0)
+    nearest = a + np.minimum(np.maximum(share, 0.0), 1.0) * move
+    return np.sqrt(_square(nearest))

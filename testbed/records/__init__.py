@@ -1,0 +1,1 @@
+"""Runs, their columns, run folders and checksums."""

@@ -1,0 +1,177 @@
+"""A run and its columns: the name, unit and meaning of everything recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Columns = dict[str, np.ndarray]
+
+# name -> (unit, meaning): one row per recorded time and vehicle, and one per recorded time and pair.
+VEHICLE_COLUMNS: dict[str, tuple[str, str]] = {
+    "t_s": ("s", "time since the start"),
+    "vehicle": ("", "vehicle, counted from 1"),
+    "x_m": ("m", "east"),
+    "y_m": ("m", "north"),
+    "z_m": ("m", "height above the shared origin"),
+    "theta_rad": ("rad", "course, counter-clockwise from east"),
+    "v_mps": ("m/s", "ground speed achieved"),
+    "omega_radps": ("rad/s", "course rate achieved"),
+    "zeta_mps": ("m/s", "climb rate achieved"),
+    "v_nominal_mps": ("m/s", "ground speed the nominal controller asks for"),
+    "omega_nominal_radps": ("rad/s", "course rate the nominal controller asks for"),
+    "zeta_nominal_mps": ("m/s", "climb rate the nominal controller asks for"),
+    "v_command_mps": ("m/s", "ground speed commanded from this instant on"),
+    "omega_command_radps": ("rad/s", "course rate commanded from this instant on"),
+    "zeta_command_mps": ("m/s", "climb rate commanded from this instant on"),
+    "override": ("", "the filter altered the nominal input"),
+    "qp_status": ("", "solved, infeasible, iteration_limit, or none where no QP stands above the vehicle"),
+}
+AIRCRAFT_COLUMNS: dict[str, tuple[str, str]] = {
+    "roll_rad": ("rad", "bank, right wing down positive"),
+    "pitch_rad": ("rad", "pitch attitude, nose up positive"),
+    "heading_rad": ("rad", "heading, counter-clockwise from east"),
+    "alpha_rad": ("rad", "angle of attack"),
+    "beta_rad": ("rad", "sideslip, wind from the right positive"),
+    "airspeed_mps": ("m/s", "true airspeed"),
+    "throttle": ("", "throttle position, 0 to 1"),
+    "load_factor": ("", "normal load factor"),
+    "limited_v": ("", "the autopilot limits speed"),
+    "limited_omega": ("", "the autopilot limits the turn rate"),
+    "limited_zeta": ("", "the autopilot limits the climb rate"),
+}
+WIND_COLUMNS: dict[str, tuple[str, str]] = {
+    "wind_east_mps": ("m/s", "the air's motion over the ground at the vehicle, east; only in runs with wind"),
+    "wind_north_mps": ("m/s", "the same, north"),
+    "wind_up_mps": ("m/s", "the same, up"),
+}
+PAIR_COLUMNS: dict[str, tuple[str, str]] = {
+    "t_s": ("s", "time since the start"),
+    "i": ("", "vehicle, counted from 1"),
+    "j": ("", "vehicle, counted from 1, above i"),
+    "distance_m": ("m", "distance"),
+    "h_m": ("m", "the unmodified barrier at the true state (m^2 in its squared form)"),
+    "h_filter_m": ("m", "the filter's own h; nan where the filter has none"),
+    "hdot_predicted_mps": ("m/s", "L_g h u of the unicycle under the commands"),
+    "hdot_realised_mps": ("m/s", "change of h_m over the filter period that follows, per second"),
+    "residual_v_mps": ("m/s", "realised minus predicted hdot, the part of the ground speeds' errors"),
+    "residual_omega_mps": ("m/s", "the part of the turn rates' errors, as headings turned"),
+    "residual_zeta_mps": ("m/s", "the part of the climb rates' errors"),
+    "residual_course_mps": ("m/s", "the part of courses turning otherwise than headings"),
+}
+
+# Of these, the ones that only the motion after the instant tells; nan at the last one.
+REALISED_COLUMNS = [name for name in PAIR_COLUMNS if name.startswith(("hdot_realised", "residual"))]
+
+
+class Sink(Protocol):
+    """Where tables go, block by block."""
+
+    def write(self, table: str, columns: Columns) -> None: ...
+
+
+class MemorySink:
+    """Keeps blocks in memory."""
+
+    def __init__(self) -> None:
+        self.blocks: dict[str, list[Columns]] = {"vehicles": [], "pairs": []}
+
+    def write(self, table: str, columns: Columns) -> None:
+        self.blocks[table].append(columns)
+
+    def tables(self) -> dict[str, Columns]:
+        return {
+            name: {c: np.concatenate([b[c] for b in blocks]) for c in blocks[0]} if blocks else {}
+            for name, blocks in self.blocks.items()
+        }
+
+
+# Rows of a table that are handed on at a time: some megabytes. What a step adds is kept as it comes until
+# then; of vehicles that is a few rows of many columns.
+BLOCK_ROWS = {"vehicles": 16_384, "pairs": 65_536}
+
+
+class Recorder:
+    """Gathers rows and hands them on in large blocks."""
+
+    def __init__(self, sink: Sink) -> None:
+        self.sink = sink
+        self._rows: dict[str, list[Columns]] = {"vehicles": [], "pairs": []}
+        self._count = {"vehicles": 0, "pairs": 0}
+
+    def add(self, table: str, columns: Columns) -> None:
+        self._rows[table].append(columns)
+        self._count[table] += len(next(iter(columns.values())))
+        if self._count[table] >= BLOCK_ROWS[table]:
+            self.flush(table)
+
+    def flush(self, table: str) -> None:
+        rows = self._rows[table]
+        if rows:
+            self.sink.write(table, {c: np.concatenate([r[c] for r in rows]) for c in rows[0]})
+        self._rows[table], self._count[table] = [], 0
+
+    def close(self) -> None:
+        for table in self._rows:
+            self.flush(table)
+
+
+@dataclass
+class Run:
+    """One finished run: settings, verdicts, tables.
+
+    manifest    schema version, resolved scenario, seeds, package versions, airframe hashes
+    guarantees  one entry per claim: see `testbed.claims.guarantees`
+    timing      wall time; the only thing that differs between equal runs
+    """
+
+    manifest: dict[str, Any]
+    guarantees: list[dict[str, Any]]
+    timing: dict[str, Any]
+    path: Path | None = None
+    tables: dict[str, Columns] = field(default_factory=dict)
+
+    def _frame(self, name: str) -> pd.DataFrame:
+        import pandas as pd
+
+        if self.tables.get(name):
+            return pd.DataFrame(self.tables[name])
+        if self.path is None or f"{name}.parquet" not in self.manifest.get("files", {}):
+            # one vehicle has no pairs, and no table of them
+            return pd.DataFrame(columns=list(PAIR_COLUMNS), dtype=float)
+        from testbed.records.store import table
+
+        return table(self.path, name, self.manifest)
+
+    @cached_property
+    def vehicles(self) -> pd.DataFrame:
+        """One row per recorded time and vehicle; columns in VEHICLE_, AIRCRAFT_ and WIND_COLUMNS."""
+        return self._frame("vehicles")
+
+    @cached_property
+    def pairs(self) -> pd.DataFrame:
+        """One row per recorded time and pair; columns in PAIR_COLUMNS."""
+        return self._frame("pairs")
+
+    @property
+    def scorecard(self) -> pd.DataFrame:
+        """One row per claim, by id: verdict, value, unit, bound, margin, t_s, vehicles, why, source."""
+        import pandas as pd
+
+        first = ["number", "claim", "verdict", "value", "unit", "bound", "margin", "t_s", "vehicles", "why"]
+        table = pd.DataFrame(self.guarantees).set_index("id")
+        return table[first + [c for c in table.columns if c not in first]]
+
+    def guarantee(self, name: str) -> dict[str, Any]:
+        """The entry with that id; KeyError if there is none."""
+        for entry in self.guarantees:
+            if entry["id"] == name:
+                return entry
+        raise KeyError(name)

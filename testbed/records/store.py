@@ -1,0 +1,240 @@
+"""Run directories: the only writer, and the reader, of run files.
+
+A run is written under a temporary name beside its place and renamed when whole, so that a directory with
+a manifest is a finished run and nothing else is. The manifest has the checksum of every file that decides
+something, and its own; no file holds anything that is executed.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from testbed.errors import UserError
+from testbed.records.checksums import plain, read_json, seal, sealed, sha256
+from testbed.records.run import Columns, Run
+from testbed.scenario.scenario import SCHEMA_VERSION
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MANIFEST, GUARANTEES, TIMING = "manifest.json", "guarantees.json", "timing.json"
+# What a folder written by this program holds, of which it may be replaced.
+MARKS = (
+    MANIFEST,
+    "comparison.json",
+    "figures.json",
+    "ladder.json",
+    "remedies.json",
+    "margin.json",
+    "ledger.json",
+    "answer.json",
+    "datasheet.json",
+    "tune.json",
+    "campaign.json",
+    "export.json",
+    "falsify.json",
+)
+
+
+# What a disk, not a program, has to say.
+WRITE_ERRORS = {
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.ESTALE,
+}  # fmt: skip
+
+
+@contextmanager
+def staged(path: Path, overwrite: bool = False) -> Iterator[Path]:
+    """A temporary folder beside `path` that becomes `path` when the block ends well, and vanishes otherwise.
+
+    Raises UserError if `path` exists (unless `overwrite`, and then only what this program wrote is replaced),
+    nothing can be written there, the disk fills, or another process is writing the same folder. What a killed
+    process left of an unfinished folder is removed, and said.
+    """
+    check_free(path, overwrite)
+    made = [p for p in (path.parent, *path.parent.parents) if not p.exists()]
+    partial, lock = _begin(path)
+    try:
+        check_free(path, overwrite)  # somebody may have finished it just before we had the lock
+        yield partial
+        _put(partial, path, overwrite)
+    except BaseException as error:
+        shutil.rmtree(partial, ignore_errors=True)
+        for parent in made:
+            with suppress(OSError):
+                parent.rmdir()
+        if isinstance(error, OSError) and error.errno in WRITE_ERRORS:
+            raise UserError(
+                f"cannot write {path}: {os.strerror(error.errno)}; nothing is left of it"
+            ) from None
+        raise
+    finally:
+        os.close(lock)
+
+
+def _beside(path: Path) -> tuple[Path, Path]:
+    """Where `path` is written before it is whole, and where an old one waits while it is replaced."""
+    return path.with_name(f".{path.name}.partial"), path.with_name(f".{path.name}.replaced")
+
+
+def _begin(path: Path) -> tuple[Path, int]:
+    """The empty temporary folder of `path`, and its lock, which dies with the process that holds it."""
+    partial, _ = _beside(path)
+    while True:
+        try:
+            partial.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UserError(f"cannot write below {path.parent}: {error.strerror}") from None
+        try:
+            lock = os.open(partial, os.O_RDONLY)
+        except FileNotFoundError:
+            continue  # another process was just done with it
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(lock)
+            raise UserError(f"{path} is being written by another process; give another --out") from None
+        # The folder may have been renamed or removed between opening and locking it.
+        with suppress(FileNotFoundError):
+            if os.path.samestat(partial.stat(), os.fstat(lock)) and not _recover(path):
+                break
+        os.close(lock)
+    left = list(partial.iterdir())
+    for item in left:
+        shutil.rmtree(item) if item.is_dir() and not item.is_symlink() else item.unlink()
+    if left:
+        print(f"removed what a killed process left of {path}", file=sys.stderr, flush=True)
+    return partial, lock
+
+
+def _put(partial: Path, path: Path, overwrite: bool) -> None:
+    """Rename the whole folder `partial` to `path`; killed in the middle, `_recover` ends it."""
+    _, replaced = _beside(path)
+    try:
+        check_free(path, overwrite)
+    except UserError:
+        kept = path.with_name(f"{path.name}-{os.getpid()}")
+        partial.rename(kept)
+        raise UserError(f"{path} was made by somebody else meanwhile; the new one is {kept}") from None
+    if path.exists():
+        path.rename(replaced)
+    partial.rename(path)
+    shutil.rmtree(replaced, ignore_errors=True)
+
+
+def _recover(path: Path) -> bool:
+    """End a replacement that was killed half-way; whether the new folder has taken its place by that."""
+    partial, replaced = _beside(path)
+    if not replaced.exists():
+        return False
+    ended = not path.exists()
+    if ended:
+        partial.rename(path)
+    shutil.rmtree(replaced, ignore_errors=True)
+    return ended
+
+
+class RunWriter:
+    """A sink that writes tables into `folder` as parquet row groups; `finish` adds the rest."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._writers: dict[str, Any] = {}
+
+    def write(self, table: str, columns: Columns) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        block = pa.table(columns)
+        if table not in self._writers:
+            # Few numbers repeat: looking each up in a dictionary doubles the time and lengthens the file.
+            self._writers[table] = pq.ParquetWriter(
+                self.folder / f"{table}.parquet",
+                block.schema,
+                compression="zstd",
+                use_dictionary=["qp_status"],
+            )
+        self._writers[table].write_table(block)
+
+    def finish(self, run: Run) -> None:
+        """Close the tables and write everything else; the manifest last, it marks the run as whole."""
+        for writer in self._writers.values():
+            writer.close()
+        write_json(self.folder / GUARANTEES, run.guarantees)
+        write_json(self.folder / TIMING, sealed(run.timing))
+        files = [f"{table}.parquet" for table in self._writers] + [GUARANTEES]
+        sums = {"files": {name: sha256(self.folder / name) for name in sorted(files)}}
+        write_json(self.folder / MANIFEST, sealed(run.manifest | sums))
+
+
+def check_free(path: Path, overwrite: bool) -> None:
+    """UserError unless `path` is free, or holds something this program wrote and `overwrite` is given."""
+    try:
+        if not path.exists():
+            return
+    except OSError as error:  # a name that no folder can have
+        raise UserError(f"cannot write {str(path)[:80]}: {error.strerror}") from None
+    if not overwrite:
+        raise UserError(f"{path} exists; give another --out, or --overwrite")
+    if path.is_dir() and any((path / mark).is_file() for mark in MARKS):
+        return
+    if path.is_dir() and not any(path.iterdir()):
+        return
+    raise UserError(f"{path} exists and is not a run; it is left alone, give another --out")
+
+
+def write_json(path: Path, value: Any) -> None:
+    path.write_text(json.dumps(plain(value), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def load(path: str | Path) -> Run:
+    """A finished run, its tables read when asked for.
+
+    Raises UserError if the directory holds no finished run, a damaged one or one of another schema version.
+    """
+    path = Path(path)
+    if not (path / MANIFEST).is_file():
+        raise UserError(f"{path} holds no finished run (no {MANIFEST})")
+    manifest, timing = (read_json(path / name) for name in (MANIFEST, TIMING))
+    if manifest.get("schema_version") != SCHEMA_VERSION:
+        raise UserError(
+            f"{path} has schema version {manifest.get('schema_version')}, this program reads"
+            f" {SCHEMA_VERSION}; run it again"
+        )
+    if "files" not in manifest:
+        raise UserError(f"{path} was written by an older version, without checksums; run it again")
+    for name, said in ((MANIFEST, manifest), (TIMING, timing)):
+        if said.pop("sha256", None) != seal(said):
+            raise UserError(f"{path / name} is damaged: it was changed after the run; run it again")
+    _check(path, GUARANTEES, manifest)
+    return Run(manifest, read_json(path / GUARANTEES, list), timing, path)
+
+
+def table(path: Path, name: str, manifest: dict[str, Any]) -> pd.DataFrame:
+    """The table `name` of the run at `path`; UserError if it is not the one that the run wrote."""
+    import pandas as pd
+
+    file = f"{name}.parquet"
+    _check(path, file, manifest)
+    try:
+        return pd.read_parquet(path / file)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path / file} cannot be read: {error}") from None
+
+
+def _check(path: Path, name: str, manifest: dict[str, Any]) -> None:
+    """UserError unless the file is byte for byte what the manifest says."""
+    try:
+        same = sha256(path / name) == manifest["files"].get(name)
+    except OSError as error:
+        raise UserError(f"{path / name} is damaged: {error.strerror}") from None
+    if not same:
+        raise UserError(f"{path / name} is damaged: not the file that the run wrote; run it again")

@@ -1,0 +1,1 @@
+"""The scenario file: its tables, overrides, capacity and the built-in scenarios."""

@@ -1,0 +1,1 @@
+"""The simulation loop, its recorder and step buffer."""

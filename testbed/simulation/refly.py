@@ -1,0 +1,105 @@
+"""A finished run flown again from its manifest, and compared with it bit for bit.
+
+Not a second opinion: the same code flies. It tells whether the record is what that code makes of that
+scenario, and so decides what a record alone cannot: manoeuvres flown, QPs of a monitor, steps in between.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from testbed.components import catalogue
+from testbed.errors import UserError
+from testbed.records.checksums import sha256
+from testbed.scenario.scenario import parse
+from testbed.simulation.simulate import Progress, run
+from testbed.verification.finding import Finding
+
+# Of the manifest, what two equal runs need not share.
+PASSING = {"sha256", "files", "versions"}
+
+
+def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
+    """Fly the run in `folder` again; one finding per file, and one per claim that differs.
+
+    Raises  UserError if its scenario is none.
+    """
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    if parts := manifest.get("parts"):
+        words = ", ".join(f"{what} {whose}" for what, whose in sorted(parts.items()))
+        return [Finding("flown again", "a run", "not flown", None, None, f"it had parts of its own: {words}")]
+    s = parse(manifest["scenario"], f"{folder / 'manifest.json'}: scenario")
+    other = _other_versions(manifest, catalogue.versions() | catalogue.airframe_hashes(s))
+    with tempfile.TemporaryDirectory() as place:
+        again = Path(place) / "again"
+        try:
+            run(s, again, force=True, progress=progress)
+        except UserError as error:
+            return [Finding("flown again", "a run", "refused", False, None, str(error))]
+        found = list(_compared(folder, again, manifest))
+    if other and any(f.agrees is False for f in found):
+        # Then nobody can tell who is to blame.
+        return [Finding(f.what, f.said, f.own, f.agrees or None, None, f"{f.why}; {other}") for f in found]
+    return found
+
+
+def _other_versions(manifest: dict[str, Any], here: dict[str, str]) -> str:
+    """What the run was flown by that is not what flies here."""
+    there = {**manifest.get("versions", {}), **manifest.get("airframes", {})}
+    names = [name for name in sorted(there | here) if there.get(name) != here.get(name)]
+    return f"flown by other versions of {', '.join(names)}" if names else ""
+
+
+def _compared(old: Path, new: Path, manifest: dict[str, Any]) -> Iterator[Finding]:
+    for name in sorted(path.name for path in new.glob("*.parquet")):
+        same = (old / name).is_file() and sha256(old / name) == sha256(new / name)
+        why = "" if same else _first_difference(old / name, new / name)
+        # Written otherwise, a table may still say the same.
+        yield Finding(f"again: {name}", "a table", "the same" if not why else "another", not why, None, why)
+    said, flown = (
+        {e["id"]: e for e in json.loads((place / "guarantees.json").read_text(encoding="utf-8"))}
+        for place in (old, new)
+    )
+    names = list(dict.fromkeys([*flown, *said]))
+    wrong = [name for name in names if said.get(name) != flown.get(name)]
+    yield Finding("again: claims", f"{len(said)} claims", f"{len(names) - len(wrong)} the same", not wrong)
+    for name in wrong:
+        yield Finding(
+            f"again: {name}", _word(said.get(name)), _word(flown.get(name)), False, None, "flown otherwise"
+        )
+    fresh = json.loads((new / "manifest.json").read_text(encoding="utf-8"))
+    odd = [k for k in sorted({*manifest, *fresh} - PASSING) if manifest.get(k) != fresh.get(k)]
+    yield Finding("again: manifest", "as written", ", ".join(odd) or "as written", not odd)
+
+
+def _word(entry: dict[str, Any] | None) -> str:
+    if entry is None:
+        return "no such claim"
+    value = entry["value"]
+    return entry["verdict"] if value is None else f"{value:.6g}, {entry['verdict']}"
+
+
+def _first_difference(old: Path, new: Path) -> str:
+    """Where two tables differ first; nothing if they say the same."""
+    import pandas as pd
+
+    try:
+        a, b = pd.read_parquet(old), pd.read_parquet(new)
+    except (OSError, ValueError) as error:
+        return f"cannot be read: {error}"
+    if list(a.columns) != list(b.columns) or len(a) != len(b):
+        return f"{a.shape[0]} rows of {a.shape[1]} columns, flown again {b.shape[0]} of {b.shape[1]}"
+    for name in a.columns:
+        x, y = a[name].to_numpy(), b[name].to_numpy()
+        numbers = x.dtype.kind == "f" and y.dtype.kind == "f"
+        differ = (x != y) & ~(np.isnan(x) & np.isnan(y)) if numbers else x != y
+        if np.any(differ):
+            k = int(np.argmax(differ))
+            return f"{name} of row {k + 1} is {x[k]}, flown again {y[k]}"
+    return ""

@@ -1,0 +1,126 @@
+"""Consecutive filter steps as arrays: what looks at a flight takes many steps at a time.
+
+A numpy call costs about the same for one step of two vehicles as for fifty of them, and judging and recording
+take more calls than flying does. Nothing here influences the flight.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from filters.barriers.closed_form import Barrier, PairValues, all_pairs
+from filters.cbf.collision import Decision
+from filters.model import Array, Command, State
+
+# Numbers of one kind (pairs times FDM periods) that a stretch holds: more would leave the processor's cache.
+NUMBERS = 20_000
+MOST_STEPS = 256
+
+
+class Stretch:
+    """Up to `size` filter steps of N vehicles and their P pairs.
+
+    The first `count` are filled in; those from `seen` on are new, and `moved` of them have flown on.
+    vehicles, periods        N, and FDM periods per filter step
+    i, j                     (P,) vehicles of each pair, from 0
+    t, recorded              (S,) s; whether the step is recorded
+    truth                    (S, N, 4) x, y, theta, z
+    rates, wanted, command   (S, N, 3) v, omega, zeta
+    air                      (S, N, 3) the wind, east, north and up
+    status, residual, override  (S, N) as in `Decision`
+    filter_h, predicted      (S, P) the filter's own h and L_g h u; nan where it has none
+    h, grad                  (S, P), (8, S, P) the unmodified barrier at the true state; see `judge_truth`
+    track                    (S periods, N, 3) m, the positions flown through after the new steps
+    telemetry                per step {channel: (N,)}, of recorded steps and those that follow one
+    """
+
+    def __init__(self, vehicles: int, periods: int) -> None:
+        self.vehicles, self.periods = vehicles, periods
+        self.i, self.j = all_pairs(vehicles)
+        pairs = self.i.size
+        n = self.size = 1 + max(1, min(MOST_STEPS, NUMBERS // max(1, pairs * periods)))
+        self.count = self.seen = self.moved = 0
+        self.t, self.recorded = np.empty(n), np.empty(n, dtype=bool)
+        self.truth = np.empty((n, vehicles, 4))
+        self.rates, self.wanted, self.command, self.air = np.empty((4, n, vehicles, 3))
+        self.status, self.override = np.empty((n, vehicles), dtype=int), np.empty((n, vehicles), dtype=bool)
+        self.residual = np.empty((n, vehicles))
+        self.filter_h, self.predicted, self.h = np.empty((3, n, pairs))
+        self.grad = np.empty((8, n, pairs))
+        self.track = np.empty((n * periods, vehicles, 3))
+        self.telemetry: list[dict[str, Array]] = []
+        self._known = np.empty(n, dtype=bool)  # whether h and grad are filled in
+
+    @property
+    def full(self) -> bool:
+        """Whether no further step fits."""
+        return self.count == self.size
+
+    def add(
+        self,
+        t: float,
+        truth: State,
+        rates: Command,
+        air: Array,
+        wanted: Command,
+        decision: Decision,
+        true: bool,
+        recorded: bool,
+        telemetry: dict[str, Array],
+    ) -> None:
+        """Take in one step; `true` says that the decision's pairs are the unmodified barrier at `truth`."""
+        k = self.count
+        self.t[k], self.recorded[k], self._known[k] = t, recorded, true
+        now = self.truth[k]
+        now[:, 0], now[:, 1], now[:, 2], now[:, 3] = truth.x, truth.y, truth.theta, truth.z
+        for into, c in ((self.rates, rates), (self.wanted, wanted), (self.command, decision.command)):
+            row = into[k]
+            row[:, 0], row[:, 1], row[:, 2] = c.v, c.omega, c.zeta
+        self.air[k], self.override[k] = air, decision.override
+        self.status[k], self.residual[k] = decision.status, decision.residual
+        if decision.pairs is None:
+            self.filter_h[k] = self.predicted[k] = np.nan
+        else:
+            self.filter_h[k], self.predicted[k] = decision.pairs.h, decision.hdot_predicted
+            if true:
+                self.h[k], self.grad[:, k] = decision.pairs.h, decision.pairs.grad.T
+        self.telemetry.append(telemetry)
+        self.count += 1
+
+    def move(self, track: Array) -> None:
+        """Take in the positions (periods, N, 3) flown through after the step added last."""
+        self.track[self.moved * self.periods : (self.moved + 1) * self.periods] = track
+        self.moved += 1
+
+    def judge_truth(self, barrier: Barrier) -> None:
+        """Fill in h and grad where the filter's are not those of the true state."""
+        steps = np.flatnonzero(~self._known[: self.count])
+        if steps.size and self.i.size:
+            at = np.repeat(steps, self.i.size)
+            i, j = np.tile(self.i, steps.size), np.tile(self.j, steps.size)
+            values = barrier.values(State.of(self.truth[: self.count]), (at, i), (at, j))
+            self.h[steps] = values.h.reshape(steps.size, -1)
+            self.grad[:, steps] = values.grad.T.reshape(8, steps.size, -1)
+            self._known[steps] = True
+
+    def lie(self) -> Array:
+        """L_g h of the true state over (v, omega, zeta): [vehicle i or j, entry, step, pair]."""
+        n = self.count
+        # As if the vehicles of all steps stood in one row.
+        first = self.vehicles * np.arange(n)[:, None]
+        i, j = (first + self.i).ravel(), (first + self.j).ravel()
+        grad = self.grad[:, :n].reshape(8, -1).T
+        values = PairValues(i, j, self.h[:n].ravel(), grad)
+        lie = values.lie(State.of(self.truth[:n].reshape(-1, 4)))
+        return np.stack([side.T.reshape(3, n, -1) for side in lie])
+
+    def keep_last(self) -> None:
+        """Forget all steps but the last one, for what it led to is not known yet."""
+        last = self.count - 1
+        for a in (self.t, self.recorded, self.truth, self.rates, self.wanted, self.command, self.air):
+            a[0] = a[last]
+        for a in (self.status, self.override, self.residual, self.filter_h, self.predicted, self.h):
+            a[0] = a[last]
+        self.grad[:, 0], self._known[0] = self.grad[:, last], self._known[last]
+        self.telemetry = self.telemetry[last:]
+        self.count, self.seen, self.moved = 1, 1, 0

@@ -1,0 +1,59 @@
+"""The same scenario on several plants, side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from testbed.records.run import Run
+from testbed.records.store import load, staged, write_json
+from testbed.report.progress import Progress
+from testbed.scenario.scenario import Scenario
+from testbed.simulation.simulate import run
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs by plant, and the figures drawn of them."""
+
+    runs: dict[str, Run]
+    figures: list[Path]
+    path: Path
+
+    def summary(self) -> dict[str, Any]:
+        return {
+            "runs": {name: str(self.path / name) for name in self.runs},
+            "guarantees": {name: run.guarantees for name, run in self.runs.items()},
+            "figures": [str(f) for f in self.figures],
+        }
+
+
+def compare(
+    scenarios: dict[str, Scenario],
+    out: Path,
+    *,
+    force: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    report: bool = True,
+) -> Comparison:
+    """Fly each scenario into its own run folder below `out`, and draw them together.
+
+    scenarios  label, usually the plant -> scenario
+    report     write report.html too
+    Raises     UserError as `simulate.run` does, before anything is flown where that can be known
+    """
+    from testbed.report import figures, page
+
+    with staged(out, overwrite) as folder:
+        for name, s in scenarios.items():
+            run(s, folder / name, force=force, progress=progress.track(name) if progress else None)
+        runs = {name: load(folder / name) for name in scenarios}
+        drawn = figures.compare(runs, folder / "figures")
+        write_json(folder / "comparison.json", {name: r.guarantees for name, r in runs.items()})
+        if report:
+            page.attach(folder, out.name, runs)
+    return Comparison(
+        {name: load(out / name) for name in scenarios}, [out / f.relative_to(folder) for f in drawn], out
+    )

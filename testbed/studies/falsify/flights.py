@@ -1,0 +1,133 @@
+"""The flights of a falsifier: departures flown in order, each judged by one guarantee, all kept."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from filters.model import Array
+from testbed.studies.falsify.space import Space
+from testbed.studies.measure import override
+
+if TYPE_CHECKING:
+    from testbed.campaigns.executor import Executor
+
+# (a scenario as JSON, the guarantee that judges it)
+Job = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One departure flown, or refused.
+
+    margin    of the guarantee, in its unit (m for separation); nan if refused or not applicable
+    violated  the guarantee's verdict is "violated": a start outside the safe set, a premise not met or a
+              run that ended before anything happened are no counterexamples
+    refused   why it could not be flown, or ""
+    vehicles  the worst pair, from 1
+    """
+
+    number: int
+    stage: str
+    x: Array
+    margin: float
+    value: float
+    violated: bool
+    refused: str
+    vehicles: tuple[int, ...]
+    t_s: float
+
+    def row(self) -> dict[str, Any]:
+        """Without the departure itself, for tables."""
+        return {k: v for k, v in vars(self).items() if k != "x"}
+
+
+def fly(job: Job) -> dict[str, Any]:
+    """Fly a scenario; what `Flight` has of it. A start that is refused says why."""
+    import json
+
+    from testbed.claims.verdict import VIOLATED
+    from testbed.errors import UserError
+    from testbed.scenario.scenario import parse
+    from testbed.simulation.simulate import run
+
+    data, guarantee = job
+    result = {"margin": nan, "value": nan, "violated": False, "refused": "", "vehicles": (), "t_s": nan}
+    try:
+        entry = run(parse(json.loads(data))).guarantee(guarantee)
+    except UserError as error:
+        return result | {"refused": str(error)}
+    if entry["margin"] is None:  # not applicable
+        return result
+    return result | {
+        "margin": entry["margin"],
+        "value": entry["value"],
+        "violated": entry["verdict"] == VIOLATED,
+        "vehicles": tuple(entry["vehicles"]),
+        "t_s": entry["t_s"],
+    }
+
+
+@dataclass
+class Flights:
+    """Flies departures of `space`, at most `most` of them, `pool.workers` at a time, in order.
+
+    pool   None flies in this process
+    work   what flies a job (for tests)
+    flown  every flight so far
+    """
+
+    space: Space
+    guarantee: str
+    most: int
+    pool: Executor | None = None
+    work: Callable[[Job], dict[str, Any]] = fly
+    flown: list[Flight] = field(default_factory=list)
+
+    @property
+    def left(self) -> int:
+        return self.most - len(self.flown)
+
+    def first(self, stage: str, points: Sequence[Array], stop: bool = True) -> int | None:
+        """Fly `points` up to the first that violates (all of them, if not `stop`): its place, or None.
+
+        What is flown, kept and answered is the same for any number of workers.
+        """
+        points, at_once = points[: self.left], self.pool.workers if self.pool else 1
+        found = None
+        for start in range(0, len(points), at_once):
+            for place, flight in enumerate(self._fly(stage, points[start : start + at_once]), start):
+                self.flown.append(flight)
+                print(self._line(flight), file=sys.stderr, flush=True)
+                if flight.violated and found is None:
+                    found = place
+                    if stop:
+                        return found
+        return found
+
+    def _fly(self, stage: str, points: Sequence[Array]) -> list[Flight]:
+        jobs = [(override(self.space.at(x), {}), self.guarantee) for x in points]
+        if self.pool is None or len(jobs) < 2:
+            results = [self.work(job) for job in jobs]
+        else:
+            outcomes = sorted(self.pool.imap(self.work, jobs), key=lambda o: o.index)
+            results = [outcome.value() for outcome in outcomes]
+        number = len(self.flown) + 1
+        return [
+            Flight(number + k, stage, np.array(x), **result)
+            for k, (x, result) in enumerate(zip(points, results, strict=True))
+        ]
+
+    def _line(self, flight: Flight) -> str:
+        said = f"refused, {flight.refused}" if flight.refused else f"margin {flight.margin:.3f}"
+        violated = ", violated" if flight.violated else ""
+        return f"{flight.number} of at most {self.most}, {flight.stage}: {said}{violated}"
+
+    def least(self) -> Flight:
+        """The flight of the least margin; among refused ones alone, the first."""
+        return min(self.flown, key=lambda f: (np.isnan(f.margin), f.margin))

@@ -1,0 +1,136 @@
+"""What restores the guarantee: remedies compared at equal seeds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from testbed.scenario.scenario import Scenario
+from testbed.statistics import rate
+from testbed.studies.flying import Notebook
+from testbed.studies.measure import Fields, Job, keys, measure, override, said
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def catalogue(s: Scenario) -> dict[str, Fields]:
+    """Remedies worth comparing: label -> fields of the scenario. The scenario's own is the first."""
+    smooth: Fields = {"remedy.smoothing_m2": 30.0} if s.barrier.kind == "turn" and not s.barrier.pairs else {}
+    turns = s.barrier.kind in ("turn", "rollout")
+    prediction: Fields = {"remedy.prediction_s": 0.45}
+    lags: Fields = {"remedy.predict_lags": True}
+    robust: Fields = {
+        "remedy.robust_v_mps": 0.5,
+        "remedy.robust_omega_degps": 1.5,
+        "remedy.robust_zeta_mps": 0.3,
+    }
+
+    # The paper's remark: a linear alpha with a small coefficient overrides earlier.
+    gentle: Fields = {"alpha.kind": "linear", "alpha.coefficient": 0.3}
+
+    def buffer(metres: float) -> Fields:
+        return {"remedy.ds_buffer_m": metres}
+
+    made: dict[str, Fields] = {
+        "none": {},
+        "buffer 1 m": buffer(1.0),
+        "buffer 3 m": buffer(3.0),
+        "prediction 0.3 s": {"remedy.prediction_s": 0.3},
+        "prediction 0.45 s": prediction,
+        "prediction 0.6 s": {"remedy.prediction_s": 0.6},
+        "prediction by lags": lags,
+        "robust rows": robust,
+        "ISSf rows": {"remedy.issf_epsilon": 10.0},
+        ("derated 0.8" if turns else "slower 0.97"): {"remedy.derate": 0.8}
+        if turns
+        else {"remedy.derate_speed": 0.97},
+        "prediction 0.45 s, buffer 0.5 m": prediction | buffer(0.5),
+        "lags, buffer 0.5 m": lags | buffer(0.5),
+        "lags, buffer 1 m": lags | buffer(1.0),
+        "alpha linear 0.3": gentle,
+        "lags, buffer 1 m, alpha 0.3": lags | buffer(1.0) | gentle,
+    }
+    if smooth:
+        made["smoothed"] = smooth
+        made["prediction 0.45 s, smoothed"] = prediction | smooth
+        made["lags, buffer 3 m, smoothed"] = lags | buffer(3.0) | smooth
+        made["lags, 1 m, smoothed, alpha 0.3"] = lags | buffer(1.0) | smooth | gentle
+    if s.wind.speed_mps:
+        made["lags, buffer 1 m, air mass"] = lags | buffer(1.0) | {"remedy.air_mass": True}
+    return made
+
+
+def compare(
+    s: Scenario, remedies: dict[str, Fields], seeds: range, book: Notebook, workers: int | None = None
+) -> pd.DataFrame:
+    """One row per remedy and seed; what `book` has is not flown again."""
+    import pandas as pd
+
+    jobs = [Job(name, override(s, fields), seed) for name, fields in remedies.items() for seed in seeds]
+    rows = book.fly(measure, jobs, keys(jobs), workers, said)
+    return pd.DataFrame(
+        [row | {"remedy": job.label, "seed": job.seed} for row, job in zip(rows, jobs, strict=True)]
+    )
+
+
+def table(rows: pd.DataFrame, straight_m: float) -> pd.DataFrame:
+    """One row per remedy: violation rate and interval, distances, infeasible steps, cost in path and time.
+
+    straight_m  length of the undisturbed way, of which `path_cost` is the share added by the worst vehicle
+    The goal's delay is against the first remedy, seed by seed. Both are medians of the runs in which every
+    vehicle passed its goal, `arrived` of n; `arrived_share` is that of single vehicles.
+    """
+    import pandas as pd
+
+    names = list(dict.fromkeys(rows.remedy))
+    base = rows[rows.remedy == names[0]].set_index("seed")
+    made = []
+    for name in names:
+        of = rows[rows.remedy == name].set_index("seed")
+        lost = rate((of.distance_verdict != "holds").to_numpy())
+        made.append(
+            {
+                "remedy": name,
+                "n": len(of),
+                "violations": lost.count,
+                "rate": lost.value,
+                "rate_low": lost.low,
+                "rate_high": lost.high,
+                "least_distance_m": of.distance_m.min(),
+                "median_distance_m": of.distance_m.median(),
+                "least_h_m": of.h_m.min(),
+                "infeasible_steps": of.infeasible.sum(),
+                "overridden_share": of.overridden_share.mean(),
+                "arrived": int(of.goal_passed_s.notna().sum()),
+                "arrived_share": of.arrived_share.mean(),
+                "path_cost": of.path_added_m.astype(float).median() / straight_m,
+                "goal_delay_s": np.nanmedian((of.goal_passed_s - base.goal_passed_s).astype(float))
+                if of.goal_passed_s.notna().any()
+                else float("nan"),
+            }
+        )
+    return pd.DataFrame(made)
+
+
+def markdown(made: pd.DataFrame) -> str:
+    """A table of remedies as Markdown, as the guide shows it; distances in metres."""
+
+    def known(value: float, form: str) -> str:
+        return "" if np.isnan(value) else format(value, form)
+
+    lines = [
+        "| remedy | lost | 95 % interval | least d | median d | least h | no solution | overridden"
+        " | fleets arrived | vehicles arrived | path | delay [s] |",
+        "|" + 12 * "---|",
+    ]
+    lines += [
+        f"| {r.remedy} | {r.violations} of {r.n} | {100 * r.rate_low:.1f} to {100 * r.rate_high:.1f} %"
+        f" | {r.least_distance_m:.2f} | {r.median_distance_m:.2f} | {r.least_h_m:.2f}"
+        f" | {r.infeasible_steps:.0f} | {r.overridden_share:.0%} | {r.arrived} of {r.n}"
+        f" | {known(r.arrived_share, '.0%')}"
+        f" | {known(r.path_cost, '+.1%')} | {known(r.goal_delay_s, '+.2f')} |"
+        for r in made.itertuples()
+    ]
+    return "\n".join(lines) + "\n"

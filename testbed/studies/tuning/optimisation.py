@@ -1,0 +1,215 @@
+"""`testbed tune --optimise`: gains that meet the step specification, found by Nelder and Mead's simplex.
+
+Channel by channel, several starts at once, every evaluation kept: an interrupted search goes on where it was.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from testbed.errors import UserError
+from testbed.records.store import check_free, write_json
+from testbed.report.page import reported
+from testbed.studies.flying import Notebook, fly_all
+from testbed.studies.tuning.tuning import Tuned, _changed, _fingerprint, provenance_of
+
+if TYPE_CHECKING:
+    from aircraft.airframe import Airframe
+    from aircraft.autopilots.specification import Row
+
+# What is varied unless --vary says otherwise: gains of each channel, and the rows they move.
+CHANNELS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "climb": (("bandwidth", "model_lag", "feedback_", "filter_radps"), ("climb", "margins")),
+    "speed": (("bandwidth", "feedback_", "model_lag"), ("speed", "margins")),
+    "turn": (("bandwidth", "damping", "model_lag", "feedback", "bank_feedback"), ("turn", "all", "margins")),
+}
+# The search asks a little more than the specification, so that what it finds is not on the edge of it.
+RESERVE = 0.03
+_SPREAD = 0.15  # of a simplex, in the logarithm of the gains
+_AWAY = 1e-3  # weight of the squared logarithm of a gain's change: no change without a reason
+
+
+@dataclass(frozen=True)
+class Search:
+    """One start: the airframe and its gains, which gains move, which rows count, seed and evaluations."""
+
+    airframe: str
+    base: tuple[tuple[str, float], ...]
+    stages: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
+    seed: int
+    evaluations: int
+    memory: Path
+
+
+def stages(airframe: Airframe, vary: Sequence[str]) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
+    """(gains, groups of rows) of each stage of a search: one a channel, or one of all the gains in `vary`."""
+    from aircraft.autopilots.gains import resolve
+
+    try:
+        if vary:
+            gains = tuple(resolve(airframe, name) for name in vary)
+            touched = {g.split(".")[0] for g in gains} & set(CHANNELS)
+            groups = {row for channel in touched or CHANNELS for row in CHANNELS[channel][1]}
+            return ((gains, tuple(sorted(groups))),)
+        return tuple(
+            (tuple(resolve(airframe, f"{channel}.{name}") for name in names), groups)
+            for channel, (names, groups) in CHANNELS.items()
+        )
+    except ValueError as error:
+        raise UserError(f"--vary: {error}") from None
+
+
+def cost(rows: Sequence[Row]) -> float:
+    """Sum of squared shares by which bounds are missed, each bound RESERVE tighter than stated."""
+    total = 0.0
+    for r in rows:
+        if not np.isfinite(r.target):
+            continue
+        tight = 1.0 - RESERVE if r.at_most else 1.0 + RESERVE
+        whole = r.quantity in ("crossings", "limited_zeta")
+        now = type(r)(r.group, r.case, r.quantity, r.value, r.target * (1.0 if whole else tight), r.at_most)
+        total += min(now.excess, 10.0) ** 2
+    return total
+
+
+def search(job: Search) -> dict[str, Any]:
+    """Gains found from one start, their cost over all rows, and how many evaluations it took."""
+    from aircraft.airframe import load
+    from aircraft.autopilots.specification import evaluate
+    from aircraft.jsbsim.initialisation import FdmError
+
+    base = load(job.airframe).with_gains(dict(job.base))
+    book = Notebook(job.memory)
+    best, spent = dict(job.base), 0
+    rng = np.random.default_rng(job.seed)
+
+    def price(groups: Sequence[str], gains: dict[str, float]) -> float:
+        key = json.dumps([sorted(gains.items()), list(groups)])
+        if key not in book.rows:
+            try:
+                found = cost(evaluate(base.with_gains(gains), groups))
+            except (FdmError, ValueError, FloatingPointError):
+                found = 1e6
+            book.keep(key, {"cost": found})
+        return float(book.rows[key]["cost"])
+
+    for gains, groups in job.stages:
+        share = job.evaluations // len(job.stages)
+        moved, used = _simplex(base, best, gains, partial(price, groups), rng, share)
+        best, spent = best | moved, spent + used
+        said = f"start {job.seed}: {', '.join(gains)} after {used} evaluations"
+        print(said, file=sys.stderr, flush=True)
+    every = sorted({g for _, groups in job.stages for g in groups})
+    return {"gains": best, "cost": price(every, best), "evaluations": spent, "seed": job.seed}
+
+
+class _Met(Exception):  # noqa: N818 - it ends a search that has succeeded
+    pass
+
+
+def _simplex(
+    base: Airframe,
+    best: dict[str, float],
+    gains: Sequence[str],
+    price: Callable[[dict[str, float]], float],
+    rng: np.random.Generator,
+    evaluations: int,
+) -> tuple[dict[str, float], int]:
+    """The best of `gains` found, and evaluations used; stops as soon as nothing is missed."""
+    from scipy.optimize import minimize
+
+    now = {g: best.get(g, base.gains[g.split(".")[0]][g.split(".")[1]]) for g in gains}
+    if any(value <= 0 for value in now.values()):
+        bad = next(g for g, value in now.items() if value <= 0)
+        raise UserError(f"--vary {bad}: its value {now[bad]:g} is not positive, and the search is by factors")
+    centre = np.log(list(now.values()))
+    found: tuple[float, dict[str, float]] = (np.inf, now)
+    used = 0
+
+    def function(x: np.ndarray) -> float:
+        nonlocal found, used
+        if used >= evaluations:
+            raise _Met
+        used += 1
+        # Six digits: what is written is what was flown.
+        tried = {g: float(f"{value:.6g}") for g, value in zip(gains, np.exp(x).tolist(), strict=True)}
+        missed = price(best | tried)
+        total = missed + _AWAY * float(np.sum((x - centre) ** 2))
+        if total < found[0]:
+            found = (total, tried)
+        if missed == 0.0:
+            found = (total, tried)
+            raise _Met
+        return total
+
+    simplex = centre + np.vstack([np.zeros(len(gains)), _SPREAD * np.eye(len(gains))])
+    # Every seed its own simplex; the first point is always where the gains are now.
+    simplex[1:] += _SPREAD * rng.uniform(-0.5, 0.5, (len(gains), len(gains)))
+    with suppress(_Met):
+        minimize(
+            function, centre, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 10**6}
+        )
+    return found[1], used
+
+
+def optimise(
+    airframe: Airframe,
+    source: str,
+    out: Path,
+    *,
+    command: str,
+    vary: Sequence[str] = (),
+    seed: int = 1,
+    starts: int = 2,
+    evaluations: int = 300,
+    workers: int | None = None,
+    overwrite: bool = False,
+) -> Tuned:
+    """Search from `starts` simplices; write gains.toml, tune.json and the scores before and after."""
+    from aircraft.autopilots.gains import write as write_gains
+    from aircraft.autopilots.specification import evaluate
+    from testbed.components.catalogue import versions
+    from testbed.report import aircraft_tables as tables
+
+    check_free(out, overwrite)
+    if starts < 1 or evaluations < 1:
+        raise UserError("--starts and --evaluations: at least one")
+    own = _changed(airframe, source)
+    plan = stages(airframe, vary)
+    memory = [
+        out.parent / f".{out.name}.optimise-{_fingerprint(airframe)}-{seed + k}.jsonl" for k in range(starts)
+    ]
+    jobs = [
+        Search(source, tuple(own.items()), plan, seed + k, evaluations, file) for k, file in enumerate(memory)
+    ]
+    found = fly_all(search, jobs, workers, lambda job, r: f"start {job.seed} ends at cost {r['cost']:.3g}")
+    best = min(found, key=lambda r: (r["cost"], r["seed"]))
+    after = evaluate(airframe.with_gains(best["gains"]))
+    before = evaluate(airframe)
+    with reported(out, overwrite) as folder:
+        provenance = {"command": command, "airframe_sha256": airframe.fingerprint()}
+        provenance |= {"versions": json.dumps(versions()), "start": str(best["seed"])}
+        write_gains(folder / "gains.toml", source, best["gains"], provenance)
+        rows = [
+            {"case": b.case, "quantity": b.quantity, "before": b.value, "after": a.value, "target": b.target}
+            | {"met": a.met}
+            for b, a in zip(before, after, strict=True)
+        ]
+        write_json(folder / "tune.json", provenance_of(command, airframe) | {"searches": found, "rows": rows})
+    for file in memory:
+        file.unlink(missing_ok=True)
+    missed = sum(not r.met for r in after)
+    lines = [f"{g} = {v:.6g}" for g, v in best["gains"].items()]
+    lines += [f"bounds missed: {sum(not r.met for r in before)} before, {missed} after"]
+    lines += [f"gains file: {out / 'gains.toml'}"]
+    shown = tables.specification(tables.worst(after))
+    return Tuned(f"{airframe.title}: optimised", shown, lines, {"best": best, "rows": rows}, not missed)

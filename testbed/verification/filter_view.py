@@ -1,0 +1,114 @@
+"""What the filter looked at: the true poses, late ones, predicted ones, or what nobody recorded."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+
+from testbed.verification.future import Pose, manoeuvre
+from testbed.verification.recorded import Array, Recorded
+from testbed.verification.settings import Scenario, arc, filters_own
+
+AIRFRAMES = Path(__file__).parents[2] / "aircraft" / "airframes"
+# A lagged vehicle is flown on for so many of its longest time constants, in so many steps.
+TAIL, STEPS = 20.0, 400
+# A table's time constants where it gives none [s].
+TABLE = {"v": 1.0, "omega": 0.35, "zeta": 0.3}
+
+
+def sight(run: Recorded) -> Pose | str:
+    """Poses (T, N) whose rows the filter solved, by what each vehicle knows of itself; or why unknown."""
+    s = run.scenario
+    measured, link, remedy = s["sensing"], s["network"], s["remedy"]
+    if set(run.parts) & {"filter", "disturbance"}:
+        return "the filter or the disturbance was not the scenario's"
+    if any(value for name, value in measured.items() if name.endswith(("_m", "_deg", "_mps", "_degps"))):
+        return "the filter saw measured poses, which are not recorded"
+    if remedy["air_mass"]:
+        return "the filter saw the vehicles from the moving air"
+    central = s["filter"]["kind"] == "centralised"
+    late = measured["delay_s"] + (link["latency_s"] if central else 0.0)
+    if (central and link["loss"]) or (late and link["stale"] == "extrapolate"):
+        return "the filter saw poses carried on over lost packets"
+    pose, rates = Pose(run.position, run.vehicles["theta_rad"]), run.rates
+    if late:
+        if not run.complete:
+            return "the filter saw poses of instants that are not recorded"
+        pose, rates = _late(pose, rates, late, s["rates"]["filter_dt_s"])
+    if remedy["predict_lags"]:
+        lags = _lags(s)
+        return "the lags predicted are not to be found" if lags is None else _settled(s, pose, rates, lags)
+    return arc(pose, rates, remedy["prediction_s"]) if remedy["prediction_s"] else pose
+
+
+def _late(pose: Pose, rates: Array, age: float, dt: float) -> tuple[Pose, Array]:
+    """Poses and rates `age` s earlier, straight between recorded ones; before the first, flown back."""
+    steps = np.arange(len(rates)) - age / dt
+    first = np.floor(steps + 1e-9).astype(int)
+    share = np.maximum(steps - first, 0.0)
+    low, high = np.maximum(first, 0), np.clip(first + (share > 1e-9), 0, len(rates) - 1)
+
+    def at(values: Array) -> Array:
+        between = share.reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray(values[low] * (1.0 - between) + values[high] * between)
+
+    position, theta, known = at(pose.position), at(pose.theta), at(rates)
+    before = steps < -1e-9
+    back = arc(Pose(pose.position[0], pose.theta[0]), rates[0], np.minimum(steps, 0.0)[before, None] * dt)
+    position[before], theta[before], known[before] = back.position, back.theta, rates[0]
+    return Pose(position, theta), known
+
+
+def _lags(s: Scenario) -> Array | None:
+    """(N, 3, 2) s: time constant and delay of v, omega, zeta of each vehicle."""
+    if s["lags"]["source"] == "table" and s["plant"] != "jsbsim":
+        table, one = s["lags"], []
+        for name, absent in TABLE.items():
+            constant = table[f"{name}_time_constant_s"]
+            one.append((absent if constant is None else constant, table[f"{name}_delay_s"]))
+        return np.broadcast_to(np.array(one), (s["vehicles"], 3, 2))
+    known = {}
+    for name in s["airframes"]:
+        folder = AIRFRAMES / name if (AIRFRAMES / name).is_dir() else Path(name)
+        try:
+            said = tomllib.loads((folder / "airframe.toml").read_text(encoding="utf-8"))["identified"]
+            known[name] = [(said[c]["time_constant_s"], said[c]["delay_s"]) for c in TABLE]
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+    return np.array([known[s["airframes"][k % len(s["airframes"])]] for k in range(s["vehicles"])])
+
+
+def _settled(s: Scenario, pose: Pose, rates: Array, lags: Array) -> Pose:
+    """Where a unicycle must be now to end up, flying gamma, where the lagging vehicles do.
+
+    Each channel keeps its rate for its delay and then decays towards gamma's. Flown on until nothing is left
+    of that, and back along gamma.
+    """
+    gamma = manoeuvre(filters_own(s))
+    excess = rates - gamma
+    constant, delay = np.maximum(lags[..., 0], 1e-12), lags[..., 1]
+    # Simpson's rule between the instants at which a channel begins to answer.
+    ends = np.sort(delay[:, :2], axis=1)
+    last = ends[:, 1] + TAIL * lags[:, :2, 0].max(axis=1)
+    marks = np.stack([np.zeros(len(gamma)), ends[:, 0], ends[:, 1], last], axis=1)
+    moved = np.zeros(pose.theta.shape, dtype=complex)
+    for k in range(3):
+        step = (marks[:, k + 1] - marks[:, k]) / STEPS
+        for m in range(STEPS + 1):
+            weight = step / 3.0 * (1 if m in (0, STEPS) else 4 if m % 2 else 2)
+            t = (marks[:, k] + m * step)[:, None]
+            waited = np.maximum(t - delay, 0.0) / constant
+            speed = gamma[:, 0] + excess[..., 0] * np.exp(-waited[:, 0])
+            angle = np.minimum(t, delay) - constant * np.expm1(-waited)
+            turned = gamma[:, 1] * t[:, 0] + excess[..., 1] * angle[:, 1]
+            moved = moved + weight * speed * np.exp(1j * turned)
+    whole = lags.sum(axis=-1)
+    end = pose.position.copy()
+    going = np.exp(1j * pose.theta) * moved
+    end[..., 0] += going.real
+    end[..., 1] += going.imag
+    end[..., 2] += gamma[:, 2] * last + excess[..., 2] * whole[:, 2]
+    theta = pose.theta + gamma[:, 1] * last + excess[..., 1] * whole[:, 1]
+    return arc(Pose(end, theta), np.broadcast_to(gamma, rates.shape), -last)

@@ -1,0 +1,188 @@
+"""G1, G7, G8: distances, goals, and what the filter's interventions cost, from the paths flown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from testbed.verification.finding import OTHER, Finding, Judge, Values
+from testbed.verification.future import manoeuvre
+from testbed.verification.path_bounds import ROUNDING, Way
+from testbed.verification.recorded import Array, Recorded
+from testbed.verification.settings import box, goals
+
+# Smallest change of a command that counts as the filter's doing.
+OVERRIDE = 1e-6
+# The time alone is a sum over points of the way; ours is an integral [s].
+ALONE = 1e-3
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Claims on where vehicles were."""
+
+    run: Recorded
+    way: Way
+
+    @property
+    def s(self) -> dict[str, Any]:
+        return self.run.scenario
+
+    def findings(self) -> Iterator[Finding]:
+        for name, look in (
+            ("separation", self._separation),
+            ("goal", self._goal),
+            ("intervention", self._intervention),
+        ):
+            if name in self.run.guarantees:
+                yield look(Judge(self.run, self.run.guarantees[name]))
+
+    def _separation(self, judge: Judge) -> Finding:
+        run, way, e = self.run, self.way, judge.entry
+        who = [[int(a) + 1, int(b) + 1] for a, b in zip(run.i, run.j, strict=True)]
+        if not run.i.size:
+            return judge.nothing("nobody else")
+        d_safe, distance = self.s["d_safe_m"], way.distance()
+        chords = way.chords(way.apart())
+        floor, ceiling = None, np.inf
+        if not way.whole:
+            ceiling = float(way.passing().min(initial=np.inf))
+            stray = way.stray[:, run.i] + way.stray[:, run.j]
+            floor = float(min((chords - stray).min(initial=np.inf), distance[-1].min() - 2.0 * way.tail))
+        between = e["detail"].get("between_steps_m")
+        if between is not None and e["value"] is not None:
+            most = e["value"] if floor is not None else min(e["value"], float(chords.min(initial=np.inf)))
+            most += ROUNDING
+            least = float(chords.min(initial=np.inf)) - ROUNDING if floor is None else floor
+            if not least <= between <= most:
+                judge.wrong.append(f"between_steps_m is {between:.6g}, {least:.6g} to {most:.6g} is due")
+        elif len(run.t) > 1:
+            judge.wrong.append("between_steps_m is missing")
+        seen = Values.of(way.t, distance, ROUNDING, who, floor=floor, ceiling=ceiling)
+        # The straight line between two steps may come nearer than either.
+        nearer = between is not None and between < d_safe
+        return judge.least(seen, d_safe, lambda d: d >= d_safe and not nearer)
+
+    @cached_property
+    def _to_goal(self) -> Array:
+        """Offsets (S, N, 3) m."""
+        return np.asarray(self.way.track - goals(self.s))
+
+    def _goal(self, judge: Judge) -> Finding:
+        way, e = self.way, judge.entry
+        radius, said = self.s["goal_radius_m"], e["value"]
+        distance = np.linalg.norm(self._to_goal, axis=-1)
+        nearest = distance.min(axis=0)
+        high = float(nearest.max())
+        low = high
+        if not way.whole:
+            closest = (way.chords(self._to_goal) - way.stray).min(axis=0, initial=np.inf)
+            low = float(np.maximum(np.minimum(closest, distance[-1] - way.tail), 0.0).max())
+        if not low - ROUNDING <= said <= high + ROUNDING:
+            judge.wrong.append(f"value is {said:.6g}, {low:.6g} to {high:.6g} is due")
+        judge.expect("bound", e["bound"], radius)
+        judge.expect("margin", e["margin"], radius - said)
+        judge.expect("verdict", e["verdict"], judge.verdict(said <= radius))
+        self._worst_goal(judge, nearest, high - low)
+        passed = self.passed
+        if way.whole and not np.isnan(passed).any():
+            last = e["detail"].get("last_passed_s", np.nan)
+            judge.expect_near("last_passed_s", last, float(passed.max()), ROUNDING)
+        if way.whole and np.isnan(passed).any() and "last_passed_s" in e["detail"]:
+            judge.wrong.append("last_passed_s is given, and some never passed")
+        open_ = (low <= radius) != (high <= radius)
+        own = f"{high:.6g}" if way.whole else f"{low:.6g} to {high:.6g}"
+        return judge.done(own, max(high - low, ROUNDING), open_)
+
+    def _worst_goal(self, judge: Judge, nearest: Array, wide: float) -> None:
+        e, way = judge.entry, self.way
+        if len(e["vehicles"]) != 1 or not 1 <= e["vehicles"][0] <= self.s["vehicles"]:
+            judge.wrong.append(f"vehicles are {e['vehicles']}")
+            return
+        v = e["vehicles"][0] - 1
+        if nearest[v] < nearest.max() - wide - ROUNDING:
+            judge.wrong.append(f"vehicle {v + 1} came within {nearest[v]:.6g} m")
+        k = int(np.argmin(np.abs(way.t - e["t_s"])))
+        there = float(np.linalg.norm(self._to_goal[k, v]))
+        if abs(way.t[k] - e["t_s"]) > 1e-6:
+            if way.whole:
+                judge.wrong.append(f"nothing was flown at {e['t_s']:g} s")
+        elif not abs(there - e["value"]) <= ROUNDING:
+            judge.wrong.append(f"vehicle {v + 1} is {there:.6g} m from its goal at {e['t_s']:g} s")
+
+    @cached_property
+    def passed(self) -> Array:
+        """(N,) s: when each came within its goal radius first; nan if never."""
+        within = np.linalg.norm(self._to_goal, axis=-1) <= self.s["goal_radius_m"]
+        return np.where(within.any(axis=0), self.way.t[np.argmax(within, axis=0)], np.nan)
+
+    def _intervention(self, judge: Judge) -> Finding:
+        run, e = self.run, judge.entry
+        judge.expect("verdict", e["verdict"], OTHER)
+        low, high = box(self.s)
+        wanted = np.clip(run.channels("_nominal"), low, high)
+        change = np.abs(run.command - wanted)
+        share = (change.max(axis=-1) > OVERRIDE).mean(axis=0)
+        if not run.complete:
+            return judge.done(f"about {share.max():.3g}", None, True)
+        judge.expect("value", e["value"], float(share.max()))
+        worst = [[v + 1] for v in np.flatnonzero(share >= share.max() - 1e-9)]
+        if e["vehicles"] not in worst:
+            judge.wrong.append(f"vehicle {int(np.argmax(share)) + 1} is altered most")
+        totals = change.sum(axis=(0, 1)) * self.s["rates"]["filter_dt_s"]
+        for name, due in zip(("altered_v_m", "altered_omega_rad", "altered_zeta_m"), totals, strict=True):
+            judge.expect_near(name, e["detail"].get(name), float(due), 1e-9 * max(1.0, due) + 1e-9)
+        open_ = not self.way.whole
+        if self.way.whole:
+            self._added(judge)
+        return judge.done(f"{share.max():.6g}", 1e-9, open_)
+
+    def _added(self, judge: Judge) -> None:
+        """Path and time beyond the straight way at the nominal speed."""
+        way, s = self.way, self.s
+        start = way.track[0]
+        straight = np.linalg.norm(goals(s) - start, axis=-1)
+        flown = np.concatenate(
+            [
+                np.zeros((1, s["vehicles"])),
+                np.cumsum(np.linalg.norm(np.diff(way.track, axis=0), axis=-1), axis=0),
+            ]
+        )
+        passed, detail = self.passed, judge.entry["detail"]
+        alone = self._alone(start, straight)
+        for name, off in (("path_added_m", ROUNDING), ("time_added_s", ALONE)):
+            said = detail.get(name) or []
+            if len(said) != s["vehicles"]:
+                judge.wrong.append(f"{name} is missing")
+                continue
+            for v, word in enumerate(said):
+                if np.isnan(passed[v]) or word is None:
+                    judge.expect(
+                        f"{name} of vehicle {v + 1}", word, None if np.isnan(passed[v]) else "a number"
+                    )
+                    continue
+                # The filter period in which the vehicle arrives still counts as a whole.
+                k = round(float(passed[v] / (way.t[1] - way.t[0]))) if len(way.t) > 1 else 0
+                steps = round(s["rates"]["filter_dt_s"] / s["rates"]["fdm_dt_s"])
+                k = min(-(-k // steps) * steps, len(flown) - 1)
+                path = flown[k, v] - (straight[v] - s["goal_radius_m"])
+                due = path if name == "path_added_m" else passed[v] - alone[v]
+                judge.expect_near(f"{name} of vehicle {v + 1}", word, float(due), off * max(1.0, abs(due)))
+
+    def _alone(self, start: Array, straight: Array) -> Array:
+        """(N,) s: the straight way to the goal radius at the nominal ground speed, inside the limits."""
+        s, c = self.s, self.s["nominal"]
+        low, high = box(s)
+        left = np.maximum(straight - s["goal_radius_m"], 0.0)
+        if c["controller"] == "manoeuvre":
+            return np.asarray(left / np.clip(manoeuvre(s)[:, 0], low[0], high[0]))
+        level = np.linalg.norm((goals(s) - start)[:, :2], axis=-1) / np.where(straight > 0, straight, 1.0)
+        # Gain times the level distance still to go, from all of it down to the goal radius.
+        share = (np.arange(20_000) + 0.5) / 20_000
+        to_go = straight[:, None] - left[:, None] * share
+        pace = np.clip(c["gain_per_s"] * level[:, None] * to_go, low[0], high[0])
+        return np.asarray((left[:, None] / pace).mean(axis=1))
