@@ -49,7 +49,8 @@ mutants: $(VENV)/.installed
 	cd tests && ../$(BIN)/python -m mutation $(FILES)
 
 lint: $(VENV)/.installed
-	$(BIN)/ruff check filters aircraft testbed tests
+	$(BIN)/ruff check filters aircraft testbed tests docs
+	$(BIN)/ruff format --check --quiet filters aircraft testbed tests docs
 	$(BIN)/mypy
 
 # The pages and pictures of the guide that are generated.

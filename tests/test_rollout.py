@@ -454,9 +454,7 @@ def test_the_bound_on_a_cell_is_met_by_the_parabola_that_bends_as_much_as_allowe
     inside = (vertex > 0) & (vertex < width)
     ends = left, left + rise * width + 0.5 * bend * width**2
     least = np.where(inside, left - 0.5 * rise**2 / bend, np.minimum(*ends))
-    np.testing.assert_allclose(
-        search._least_possible(*ends, np.full(500, width), bend), least, atol=1e-12
-    )
+    np.testing.assert_allclose(search._least_possible(*ends, np.full(500, width), bend), least, atol=1e-12)
     assert 50 < inside.sum() < 450
 
 
