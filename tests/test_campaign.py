@@ -20,11 +20,11 @@ import psutil
 import pytest
 
 from testbed.campaigns.cluster import Cluster
+from testbed.campaigns.display import View
 from testbed.campaigns.executor import Executor
 from testbed.campaigns.folder import locked
 from testbed.campaigns.processes import Processes
 from testbed.campaigns.runner import Progress, fly_all, prepare
-from testbed.campaigns.view import View
 from testbed.errors import UserError
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from testbed.campaigns import file, view
+from testbed.campaigns import display as view
+from testbed.campaigns import file
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import Campaign, Distribution, Guarantee
 from testbed.campaigns.identity import ROOT, code_id, content_id, modules

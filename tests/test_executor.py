@@ -9,9 +9,9 @@ import time
 import psutil
 import pytest
 
+from testbed.campaigns.engine import fly_all
 from testbed.campaigns.executor import CrashError, executor
 from testbed.campaigns.processes import Processes
-from testbed.studies.flying import fly_all
 
 
 def test_every_job_is_answered_once_and_by_its_number() -> None:

@@ -17,11 +17,11 @@ from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
+from testbed.studies.common.measure import override
 from testbed.studies.falsify import falsify as study
 from testbed.studies.falsify.flights import Flights, fly
 from testbed.studies.falsify.shrink import ddmin, scale, shrink
 from testbed.studies.falsify.space import Bounds, Space, bounds
-from testbed.studies.measure import override
 
 ALL = Bounds(10.0, 5.0, 1.0, 5.0, 0.1)
 STARTS_ONLY = Bounds(10.0, 5.0, 1.0, 0.0, 0.0)

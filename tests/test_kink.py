@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from testbed.campaigns.engine import fly_all, notebook
 from testbed.components.initial_conditions import generators, places
 from testbed.simulation.simulate import run
-from testbed.studies.flying import fly_all, notebook
 from testbed.studies.kink import kink
 from testbed.studies.paper.paper import make
 

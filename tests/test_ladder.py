@@ -10,9 +10,10 @@ import pytest
 
 from aircraft.kinematic import KinematicFleet
 from filters.model import Command
+from testbed.campaigns.engine import Notebook, notebook
 from testbed.components import catalogue
 from testbed.scenario.scenario import Scenario, load, parse
-from testbed.studies.flying import Notebook, notebook
+from testbed.studies.common.measure import Job, default_starts, override
 from testbed.studies.ladder.ladder import (
     Rung,
     account,
@@ -24,7 +25,6 @@ from testbed.studies.ladder.ladder import (
     rungs,
     summary,
 )
-from testbed.studies.measure import Job, default_starts, override
 
 # Two lags a and b of a scripted vehicle that comes 10 - a - 2b - 3ab + seed close.
 SCRIPTED = [

@@ -10,8 +10,8 @@ import pytest
 
 from testbed.errors import UserError
 from testbed.scenario.scenario import load, parse
+from testbed.studies.common.measure import Job, override
 from testbed.studies.margin.margin import KNOBS, find, sentence
-from testbed.studies.measure import Job, override
 from testbed.studies.remedies import remedies
 
 SCENARIO = load("paper-2-turn")

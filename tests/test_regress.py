@@ -19,7 +19,7 @@ from testbed.regression.quantities import Quantity, quantities
 from testbed.regression.recording import record, rung_fields
 from testbed.regression.tolerance import ALPHA_RECORDED, compare, holm, seeds_needed, tolerance
 from testbed.scenario.scenario import load
-from testbed.studies.measure import Job
+from testbed.studies.common.measure import Job
 
 DISTANCE = Quantity("separation", "m", -1, 0.01)
 LOST = Quantity("separation lost", "", +1, 0.0, verdict=True)

@@ -13,11 +13,11 @@ import pytest
 
 from aircraft.airframe import copy
 from testbed.campaigns import identity
+from testbed.campaigns.engine import Notebook, notebook
 from testbed.errors import UserError
 from testbed.scenario.scenario import load
-from testbed.studies.flying import Notebook, notebook
+from testbed.studies.common.measure import Job, keys, override
 from testbed.studies.margin import margin as margins
-from testbed.studies.measure import Job, keys, override
 from testbed.studies.remedies import remedies
 
 SETTINGS = ["duration_s=1", "filter_dt_s=0.05", "record_dt_s=0.05"]
@@ -103,18 +103,18 @@ def test_changed_code_or_packages_are_another_run(monkeypatch: pytest.MonkeyPatc
     assert key() != before
     monkeypatch.undo()
     fresh = identity.code_id.__wrapped__
-    now = fresh("testbed.studies.measure")
+    now = fresh("testbed.studies.common.measure")
     versions = identity.catalogue.versions()
     monkeypatch.setattr(identity.catalogue, "versions", lambda: versions | {"jsbsim": "0.1"})
-    assert fresh("testbed.studies.measure") != now
+    assert fresh("testbed.studies.common.measure") != now
     monkeypatch.undo()
     other = tmp_path / "changed.py"
     other.write_text("")
-    files = identity.modules("testbed.studies.measure")
+    files = identity.modules("testbed.studies.common.measure")
     assert {f.name for f in files} >= {"measure.py", "simulate.py", "fleet.py", "constraints.py"}
     monkeypatch.setattr(identity, "modules", lambda start: [*files[:-1], other])
     monkeypatch.setattr(identity, "ROOT", Path("/"))
-    assert fresh("testbed.studies.measure") != now
+    assert fresh("testbed.studies.common.measure") != now
 
 
 def interrupted_after(flights: int, monkeypatch: pytest.MonkeyPatch) -> list[Job]:
@@ -174,7 +174,7 @@ def test_a_changed_airframe_resumes_nothing(
 def test_a_full_disk_at_the_end_costs_no_flight(
     study: Callable[[], int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from testbed.report import robustness_figures
+    from testbed.studies.ladder import figures as robustness_figures
 
     flown = interrupted_after(100, monkeypatch)
     draw = robustness_figures.remedies

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from testbed.campaigns import file, folder, tables
+from testbed.campaigns.display import View
 from testbed.campaigns.executor import CrashError, Executor, Outcome
 from testbed.campaigns.file import SCHEMA_VERSION
 from testbed.campaigns.flight import FAILED, Job, blank, fly, lost
 from testbed.campaigns.plan import Plan, Planned, base, expand, rounds
-from testbed.campaigns.view import View
 from testbed.components.catalogue import versions
 from testbed.errors import UserError
 from testbed.records.store import write_json

@@ -114,10 +114,10 @@ def _check_workers(workers: int | None, cluster: str | None) -> None:
 
 
 def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_json: bool) -> None:
+    from testbed.campaigns.display import View
     from testbed.campaigns.executor import executor
     from testbed.campaigns.folder import Journal
     from testbed.campaigns.runner import fly_all, hint, progress
-    from testbed.campaigns.view import View
     from testbed.cli.interrupts import StoppedError
 
     try:

@@ -12,10 +12,10 @@ import typer
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
+    from testbed.campaigns.simulated_time import Progress
     from testbed.records.run import Run
-    from testbed.report.progress import Progress
     from testbed.scenario.scenario import Scenario
-    from testbed.studies.robustness import Found
+    from testbed.studies.ladder.study import Found
 
 ScenarioArg = Annotated[str, typer.Argument(help="a built-in scenario (see: testbed list) or a TOML file")]
 SetOption = Annotated[
@@ -95,7 +95,7 @@ def fly_into(s: Scenario, where: Path, force: bool, overwrite: bool) -> Run:
 
 
 def progress() -> Progress:
-    from testbed.report.progress import Progress
+    from testbed.campaigns.simulated_time import Progress
 
     return Progress()
 

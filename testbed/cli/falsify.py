@@ -60,8 +60,8 @@ def falsify(
     from testbed.records.store import check_free
     from testbed.studies.falsify.falsify import falsify as search
     from testbed.studies.falsify.flights import Flights
-    from testbed.studies.falsify.report import write
     from testbed.studies.falsify.space import Space, bounds
+    from testbed.studies.falsify.study import write
 
     s = scenario_of(scenario, set_, None, plant)
     where = out or Path("runs") / f"{s.name}-falsify"

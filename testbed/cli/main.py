@@ -121,7 +121,7 @@ def compare(
             raise UserError("--seed: the ladder flies seeds from 1; say how many with --seeds")
         if force or not report:
             raise UserError("--force and --no-report: the ladder has neither; leave them out")
-        from testbed.studies.robustness import ladder as climb
+        from testbed.studies.ladder.study import ladder as climb
 
         s = scenario_of(scenario, set_, seed, None)
         where = out or Path("runs") / f"{s.name}-ladder"

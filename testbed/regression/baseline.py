@@ -16,7 +16,7 @@ from testbed.errors import UserError, nearest
 from testbed.records.store import plain
 from testbed.regression.quantities import Quantity, quantities
 from testbed.scenario.scenario import Scenario, builtin, load, parse
-from testbed.studies.measure import Fields, default_starts
+from testbed.studies.common.measure import Fields, default_starts
 
 SCHEMA_VERSION = 1
 DEFAULT_FOLDER = Path("tests") / "baselines"

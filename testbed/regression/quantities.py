@@ -12,7 +12,7 @@ from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.scenario.scenario import Scenario, parse
 from testbed.simulation.simulate import run
-from testbed.studies.measure import Fields, Job, override
+from testbed.studies.common.measure import Fields, Job, override
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from testbed.campaigns.engine import fly_all
 from testbed.components import catalogue
 from testbed.errors import UserError, nearest
 from testbed.regression.baseline import Baseline, differences, parse_file, place, relative, scenario_of, write
@@ -15,9 +16,8 @@ from testbed.regression.judging import findings
 from testbed.regression.quantities import fly, job, quantities
 from testbed.regression.tolerance import seeds_needed, tolerance
 from testbed.scenario.scenario import Scenario
-from testbed.studies.flying import fly_all
+from testbed.studies.common.measure import Fields, Job
 from testbed.studies.ladder.ladder import rungs as ladder
-from testbed.studies.measure import Fields, Job
 
 Runs = dict[str, dict[str, np.ndarray]]
 UNICYCLE, AIRCRAFT = "unicycle", "6-DOF"

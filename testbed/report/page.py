@@ -86,7 +86,10 @@ def part(folder: Path, name: str) -> Part:
 
 def _accounts() -> dict[str, Callable[[Path, str], Part]]:
     """What a folder's mark says it is -> who accounts for it."""
-    from testbed.report import campaign_part, derived_parts, other_parts, study_parts
+    from testbed.report import campaign_part
+    from testbed.report import ledger_part as derived_parts
+    from testbed.studies.falsify import page as other_parts
+    from testbed.studies.ladder import page as study_parts
 
     return {
         "ladder.json": study_parts.ladder,

@@ -21,11 +21,11 @@ from typing import Any
 import psutil
 
 from testbed.campaigns import file
+from testbed.campaigns.display import View
 from testbed.campaigns.folder import Journal
 from testbed.campaigns.plan import Plan, base, expand
 from testbed.campaigns.processes import Processes
 from testbed.campaigns.runner import fly_all, prepare
-from testbed.campaigns.view import View
 from testbed.scenario.scenario import parse
 from testbed.simulation.simulate import run
 

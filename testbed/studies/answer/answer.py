@@ -9,10 +9,10 @@ import json
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from testbed.campaigns.engine import Notebook
 from testbed.scenario.scenario import Scenario, load, parse
 from testbed.statistics import rate
-from testbed.studies.flying import Notebook
-from testbed.studies.measure import Fields, Job, default_starts, keys, measure, override, said
+from testbed.studies.common.measure import Fields, Job, default_starts, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from testbed.campaigns.simulated_time import Progress
 from testbed.records.run import Run
 from testbed.records.store import load, staged, write_json
-from testbed.report.progress import Progress
 from testbed.scenario.scenario import Scenario
 from testbed.simulation.simulate import run
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filters.model import Array
+from testbed.studies.common.measure import override
 from testbed.studies.falsify.space import Space
-from testbed.studies.measure import override
 
 if TYPE_CHECKING:
     from testbed.campaigns.executor import Executor

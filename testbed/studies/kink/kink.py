@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.campaigns.engine import Notebook
 from testbed.scenario.scenario import Scenario, load
-from testbed.studies.flying import Notebook
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,7 +12,7 @@ import numpy as np
 
 from testbed.scenario.scenario import Scenario, load
 from testbed.simulation.simulate import run
-from testbed.studies.measure import default_starts
+from testbed.studies.common.measure import default_starts
 
 if TYPE_CHECKING:
     import pandas as pd

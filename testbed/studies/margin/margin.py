@@ -13,11 +13,11 @@ from dataclasses import asdict, dataclass, field
 from math import ceil, log
 from typing import TYPE_CHECKING, Any
 
+from testbed.campaigns.engine import Notebook
 from testbed.errors import UserError, nearest
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import rate, zero_event_bound
-from testbed.studies.flying import Notebook
-from testbed.studies.measure import Fields, Job, keys, measure, override, said
+from testbed.studies.common.measure import Fields, Job, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.campaigns.engine import fly_all
 from testbed.scenario.scenario import Scenario, load
-from testbed.studies.flying import fly_all
 
 if TYPE_CHECKING:
     import pandas as pd

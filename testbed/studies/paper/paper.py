@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from testbed.campaigns.engine import Notebook, fly_all, notebook
 from testbed.errors import UserError
 from testbed.records.store import check_free, staged, write_json
 from testbed.scenario.scenario import Scenario, load
-from testbed.studies.flying import Notebook, fly_all, notebook
 from testbed.studies.kink import kink
 from testbed.studies.onset import onset
 from testbed.studies.paper import reproduction
@@ -133,7 +133,7 @@ def _of_the_paper(name: str, plant: str, overrides: Sequence[str]) -> Scenario:
 
 
 def _onset(book: Book, folder: Path, overrides: tuple[str, ...], workers: int | None) -> None:
-    from testbed.report import study_figures
+    from testbed.studies.kink import figures as study_figures
 
     onsets = onset.study(overrides, workers)
     medians = tuple(f"median_{name}_s" for name in ("override", "turn_1degps", "lateral_1m"))
@@ -144,7 +144,7 @@ def _onset(book: Book, folder: Path, overrides: tuple[str, ...], workers: int | 
 def _kink(
     book: Book, folder: Path, kept: Notebook, overrides: tuple[str, ...], seeds: int, workers: int | None
 ) -> None:
-    from testbed.report import study_figures
+    from testbed.studies.kink import figures as study_figures
 
     cases, crowd = kink.perturbed(seeds, overrides), kink.crowded(seeds, overrides)
     rows = kink.study([*crowd, *cases], kept, workers)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from testbed.campaigns.engine import Notebook
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import rate
-from testbed.studies.flying import Notebook
-from testbed.studies.measure import Fields, Job, keys, measure, override, said
+from testbed.studies.common.measure import Fields, Job, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd

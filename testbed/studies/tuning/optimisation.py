@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.campaigns.engine import Notebook, fly_all
 from testbed.errors import UserError
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
-from testbed.studies.flying import Notebook, fly_all
 from testbed.studies.tuning.tuning import Tuned, _changed, _fingerprint, provenance_of
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.campaigns.engine import Notebook, notebook
 from testbed.errors import UserError
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
-from testbed.studies.flying import Notebook, notebook
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,7 +13,7 @@ from testbed.simulation.simulate import run as fly
 from testbed.studies.falsify import figures
 from testbed.studies.falsify.falsify import Falsified
 from testbed.studies.falsify.flights import Flight
-from testbed.studies.robustness import Found
+from testbed.studies.ladder.study import Found
 
 FILE = "scenario.toml"
 

@@ -92,7 +92,7 @@ def figures(folder: Path, title: str) -> Part:
 
 def falsify(folder: Path, title: str) -> Part:
     """The search for a scenario that breaks a guarantee."""
-    from testbed.studies.falsify.report import counted, sentences
+    from testbed.studies.falsify.study import counted, sentences
 
     data = json_of(folder / "falsify.json")
     found = "a counterexample was found" if data["violated"] else "no counterexample was found"

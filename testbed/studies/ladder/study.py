@@ -6,19 +6,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from testbed.campaigns.engine import notebook
 from testbed.components import catalogue
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError, nearest
 from testbed.records.store import check_free, write_json
-from testbed.report import robustness_figures as figures
 from testbed.report.page import reported
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import Mean, Rate
 from testbed.studies.answer import answer as answers
-from testbed.studies.flying import notebook
+from testbed.studies.common.measure import default_starts
+from testbed.studies.ladder import figures
 from testbed.studies.ladder import ladder as ladders
 from testbed.studies.margin import margin as margins
-from testbed.studies.measure import default_starts
 from testbed.studies.remedies import remedies
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""What several studies share: one measured run, what a study found and wrote."""
