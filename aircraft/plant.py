@@ -18,7 +18,7 @@ class Plant(Protocol):
     state()                 the pose now: course and east-north-up position, the truth
     achieved()              ground speed, course rate and climb rate now, in the type they were asked in
     telemetry()             further recorded channels, name -> (N,); empty for kinematic plants
-    faults()                per vehicle "" or what ended its flight: "not finite", "ground", ...
+    faults()                per vehicle "" or what ended its flight: "stalled", "hit the ground", ...
     """
 
     dt: float

@@ -48,7 +48,7 @@ For hundreds of runs use `testbed campaign run`: it flies them in parallel and g
 Mistakes are raised as `testbed.UserError`, in one line. The fields of a scenario are in
 [scenarios.md](scenarios.md).
 """
-PROTOCOLS = (plant.Plant, collision.Filter, guidance.NominalController, disturbance.Disturbance)
+PROTOCOLS = (plant.Plant, collision.Filter, guidance.Guidance, disturbance.Disturbance)
 FUNCTIONS = (airframe.load, airframe.copy)
 TABLES = {
     "run.vehicles": run.VEHICLE_COLUMNS,

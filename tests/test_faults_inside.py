@@ -31,7 +31,7 @@ AT_S = 0.5
 def broken(result: Run, who: str, what: str) -> None:
     """The run ended early, the record says why, and nothing holds but premises."""
     end = result.manifest["ended_early"]
-    assert end is not None and end.startswith(who) and what in end and end.endswith("the run ended there")
+    assert end is not None and end.startswith(who) and what in end and end.endswith("; run stopped")
     verdicts = {g["id"]: g["verdict"] for g in result.guarantees if not g["number"].startswith("P")}
     assert verdicts and "holds" not in verdicts.values(), verdicts
     assert end in {g["why"] for g in result.guarantees}
@@ -71,9 +71,9 @@ class Reporting(Broken):
 
 
 UNICYCLES = {
-    "no position": (Lost, "vehicle 2: position not finite by 0.500 s"),
+    "no position": (Lost, "vehicle 2: position not finite at 0.500 s"),
     "the plant raises": (Raising, "flying failed: RuntimeError: the engine fell off (test_faults_inside.py:"),
-    "the plant reports": (Reporting, "vehicle 2: bird strike by 0.500 s"),
+    "the plant reports": (Reporting, "vehicle 2: bird strike at 0.500 s"),
 }
 
 
@@ -211,15 +211,15 @@ def _raise(v: Fdm) -> None:
 
 
 AIRCRAFT: dict[str, tuple[str, Callable[[Fdm], None], str, list[str]]] = {
-    "stalls": ("x8", _stall, "vehicle 2: stall by", []),
-    "spins": ("rascal", _spin, "vehicle 2: upset by", ["duration_s=6"]),
+    "stalls": ("x8", _stall, "vehicle 2: stalled at", []),
+    "spins": ("rascal", _spin, "vehicle 2: upset at", ["duration_s=6"]),
     "flies into the ground": (
         "x8",
         _dive,
-        "vehicle 2: ground by",
+        "vehicle 2: hit the ground at",
         ["start.heights_m=[0, -297]", "duration_s=6"],
     ),
-    "goes nan": ("x8", _nan, "vehicle 2: not finite by", []),
+    "goes nan": ("x8", _nan, "vehicle 2: state not finite at", []),
     "is broken inside JSBSim": ("x8", _raise, "flying failed: FdmError", []),
 }
 

@@ -144,7 +144,7 @@ def test_a_vehicle_that_hits_the_ground_is_reported_and_the_other_flies_on():
     fleet.reset(low, np.random.default_rng(0))
     for _ in range(40):
         track = fleet.step(Command([20.0, 20.0], 0.0, [-3.0, 0.0]), CALM, 40)
-    assert fleet.faults() == ["ground", ""]
+    assert fleet.faults() == ["hit the ground", ""]
     assert np.all(track[:, 0] == track[0, 0]) and fleet.achieved().v[0] == 0.0
     assert track[-1, 1, 0] == pytest.approx(160.0, abs=0.1)
     alone = JsbsimFleet([load("x8")])
@@ -161,7 +161,7 @@ def test_a_vehicle_whose_numbers_break_is_reported_and_the_other_flies_on():
     last = fleet.state().array()[0]
     fleet._vehicles[0].node("atmosphere/delta-T").set_double_value(np.nan)
     track = fleet.step(Command([20.0, 20.0], 0.0, 0.0), CALM, 400)
-    assert fleet.faults() == ["not finite", ""]
+    assert fleet.faults() == ["state not finite", ""]
     assert np.isfinite(track).all() and np.isfinite(fleet.state().array()).all()
     assert np.linalg.norm(track[-1, 0] - last[[0, 1, 3]]) < 41.0
     assert fleet.achieved().v[1] == pytest.approx(20.0, abs=1e-3)

@@ -14,7 +14,7 @@ from testbed.claims.guarantees import Flown, judge, monitored
 from testbed.claims.premises import premises
 from testbed.claims.verdict import Entry
 from testbed.components import catalogue
-from testbed.measures.run_statistics import Extreme, Tally
+from testbed.measures.run_statistics import Extreme, RunStatistics
 from testbed.measures.saturation import Saturation
 from testbed.scenario.scenario import Scenario, load
 from testbed.simulation.simulate import run
@@ -68,7 +68,7 @@ class Falling(KinematicFleet):
 def test_a_vehicle_lost_ends_the_run_and_nothing_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(catalogue.PLANTS, "unicycle", lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
     result = run(load("paper-2-turn"))
-    assert result.manifest["ended_early"] == "vehicle 2: ground by 0.500 s, the run ended there"
+    assert result.manifest["ended_early"] == "vehicle 2: ground at 0.500 s; run stopped"
     assert "holds" not in {g["verdict"] for g in result.guarantees if g["number"].startswith("G")}
     assert result.guarantee("separation")["why"] == result.manifest["ended_early"]
 
@@ -77,40 +77,44 @@ TURN = TurnBarrier(16.0, 0.2, 5.0)
 LIMITS = Limits(np.full(2, 15.0), 25.0, 0.25, 3.9)
 
 
-def flown(tally: Tally, scenario: Scenario, started_safe: bool = True, end: str | None = None) -> Flown:
-    i, j = np.triu_indices(tally.vehicles, 1)
+def flown(
+    statistics: RunStatistics, scenario: Scenario, started_safe: bool = True, end: str | None = None
+) -> Flown:
+    i, j = np.triu_indices(statistics.vehicles, 1)
     straight, alone = np.array([400.0, 300.0]), np.array([17.0, 12.5])
-    return Flown(scenario, tally, i, j, started_safe, end, straight, alone)
+    return Flown(scenario, statistics, i, j, started_safe, end, straight, alone)
 
 
 def judged(
-    tally: Tally, *overrides: str, started_safe: bool = True, end: str | None = None
+    statistics: RunStatistics, *overrides: str, started_safe: bool = True, end: str | None = None
 ) -> dict[str, Entry]:
-    return {g["id"]: g for g in judge(flown(tally, load("paper-2-turn", list(overrides)), started_safe, end))}
+    return {
+        g["id"]: g for g in judge(flown(statistics, load("paper-2-turn", list(overrides)), started_safe, end))
+    }
 
 
-def scripted(tally: Tally, scenario: Scenario, end: str | None = None) -> dict[str, str]:
-    entries = judge(flown(tally, scenario, end=end))
+def scripted(statistics: RunStatistics, scenario: Scenario, end: str | None = None) -> dict[str, str]:
+    entries = judge(flown(statistics, scenario, end=end))
     return {g["id"]: g["verdict"] for g in entries if g["id"] != "intervention"}
 
 
-def good_tally(vehicles: int = 2) -> Tally:
-    tally = Tally(vehicles)
-    for extreme in (tally.separation, tally.between):
+def good_statistics(vehicles: int = 2) -> RunStatistics:
+    statistics = RunStatistics(vehicles)
+    for extreme in (statistics.separation, statistics.between):
         extreme.update(0.0, np.array([5.0]))
-    for extreme in (tally.h, tally.admissible, tally.condition, tally.rows):
+    for extreme in (statistics.h, statistics.admissible, statistics.condition, statistics.rows):
         extreme.update(0.0, np.array([0.0]))
-    tally.command_margin.update(0.0, np.zeros(vehicles))
-    tally.goal.update(0.0, np.zeros(vehicles))
-    tally.passed = np.zeros(vehicles)
-    tally.filter_steps = tally.solves = 1
-    return tally
+    statistics.command_margin.update(0.0, np.zeros(vehicles))
+    statistics.goal.update(0.0, np.zeros(vehicles))
+    statistics.passed = np.zeros(vehicles)
+    statistics.filter_steps = statistics.solves = 1
+    return statistics
 
 
 def test_exactly_at_every_bound_the_guarantees_hold() -> None:
-    assert set(scripted(good_tally(), load("paper-2-turn")).values()) == {"holds"}
+    assert set(scripted(good_statistics(), load("paper-2-turn")).values()) == {"holds"}
     # and none of them if the run ended before its time
-    ended = scripted(good_tally(), load("paper-2-turn"), end="vehicle 1: ground")
+    ended = scripted(good_statistics(), load("paper-2-turn"), end="vehicle 1: ground")
     assert set(ended.values()) == {"premise not met"}
 
 
@@ -129,9 +133,9 @@ def test_exactly_at_every_bound_the_guarantees_hold() -> None:
     ],
 )
 def test_each_guarantee_fails_alone(name: str, spoil) -> None:  # type: ignore[no-untyped-def]
-    tally = good_tally()
-    spoil(tally)
-    verdicts = scripted(tally, load("paper-2-turn"))
+    statistics = good_statistics()
+    spoil(statistics)
+    verdicts = scripted(statistics, load("paper-2-turn"))
     assert [k for k, v in verdicts.items() if v != "holds"] == [name]
     assert verdicts[name] == "violated"
 
@@ -165,25 +169,25 @@ FIELDS = ("id", "number", "claim", "source", "quantity", "unit")
 
 
 def test_every_claim_says_what_it_is_where_it_is_made_and_in_which_unit() -> None:
-    entries = judged(good_tally()).values()
+    entries = judged(good_statistics()).values()
     assert [tuple(e[k] for k in FIELDS) for e in entries] == WORDS
-    rates = [e["unit"] for e in judged(good_tally(), "barrier.form=squared").values() if e["unit"]]
+    rates = [e["unit"] for e in judged(good_statistics(), "barrier.form=squared").values() if e["unit"]]
     assert rates == ["m", "m^2", "m^2/s", "m^2/s", "m^2/s", "m"]
-    entries = premises(flown(good_tally(), load("paper-2-turn")), TURN, LIMITS, [])
+    entries = premises(flown(good_statistics(), load("paper-2-turn")), TURN, LIMITS, [])
     assert [tuple(e[k] for k in FIELDS) for e in entries] == PREMISE_WORDS
 
 
 def test_every_entry_has_the_same_fields_and_nothing_in_those_it_has_no_data_for() -> None:
     empty = {"value": None, "bound": None, "margin": None, "t_s": None, "vehicles": [], "detail": {}}
     alone = judge(flown_alone())
-    for entry in [*alone, *judged(Tally(2)).values()]:
+    for entry in [*alone, *judged(RunStatistics(2)).values()]:
         assert set(entry) == {*FIELDS, *empty, "verdict", "why"}
     assert {k: alone[0][k] for k in empty} == empty
 
 
 def flown_alone() -> Flown:
     none = np.zeros(0, dtype=int)
-    return Flown(load("paper-2-turn"), good_tally(1), none, none, True, None, np.full(1, 400.0))
+    return Flown(load("paper-2-turn"), good_statistics(1), none, none, True, None, np.full(1, 400.0))
 
 
 def test_one_vehicle_has_no_pair_to_judge() -> None:
@@ -196,17 +200,17 @@ def test_one_vehicle_has_no_pair_to_judge() -> None:
 
 
 def test_after_an_early_end_nothing_holds_and_what_is_violated_stays_so() -> None:
-    end = "vehicle 2: ground by 0.500 s"
-    for name, entry in judged(good_tally(), end=end).items():
+    end = "vehicle 2: ground at 0.500 s"
+    for name, entry in judged(good_statistics(), end=end).items():
         if name != "intervention":
             assert (entry["verdict"], entry["why"]) == ("premise not met", end), name
-    spoilt = good_tally()
+    spoilt = good_statistics()
     spoilt.separation.update(1.0, np.array([4.0]))
     assert judged(spoilt, end=end)["separation"]["verdict"] == "violated"
 
 
 def test_what_was_not_seen_is_a_premise_not_met_and_says_what() -> None:
-    seen = judged(Tally(2))
+    seen = judged(RunStatistics(2))
     for name, why in (
         ("barrier-condition", "the run had no motion"),
         ("zcbf-condition", "no pair was ever inside its safe set"),
@@ -214,27 +218,33 @@ def test_what_was_not_seen_is_a_premise_not_met_and_says_what() -> None:
         ("rows-satisfied", "no QP was solved"),
     ):
         assert (seen[name]["verdict"], seen[name]["why"]) == ("premise not met", why)
-    outside = judged(good_tally(), started_safe=False)["safe-set"]
+    outside = judged(good_statistics(), started_safe=False)["safe-set"]
     assert (outside["verdict"], outside["why"]) == ("premise not met", "the start is outside the safe set")
     assert outside["value"] == 0.0
     for name, why in (("qp-feasibility", "the filter solves no QP"), ("rows-satisfied", "no rows")):
-        without = judged(good_tally(), "filter.kind=none")[name]
+        without = judged(good_statistics(), "filter.kind=none")[name]
         assert (without["verdict"], without["why"]) == ("not applicable", why)
     # a filter of that kind in name, whose decisions never rested on a QP
-    idle = good_tally()
+    idle = good_statistics()
     idle.filter_steps, idle.solves = 3, False
     assert judged(idle)["qp-feasibility"]["verdict"] == judged(idle)["rows-satisfied"]["verdict"]
     assert judged(idle)["qp-feasibility"]["verdict"] == "not applicable"
 
 
 def test_a_pairs_entry_names_the_worst_pair_its_time_and_how_far_it_is_from_the_bound() -> None:
-    tally = good_tally(3)
-    for extreme in (tally.separation, tally.h, tally.condition, tally.admissible, tally.rows):
+    statistics = good_statistics(3)
+    for extreme in (
+        statistics.separation,
+        statistics.h,
+        statistics.condition,
+        statistics.admissible,
+        statistics.rows,
+    ):
         extreme.value[:] = 9.0
         extreme.update(2.5, np.array([8.0, 8.0, 7.5]))
-    tally.between.value[:] = 7.25
+    statistics.between.value[:] = 7.25
     i, j = np.triu_indices(3, 1)
-    made = judge(Flown(load("paper-2-turn", ["d_safe_m=6"]), tally, i, j, True, None, np.full(3, 400.0)))
+    made = judge(Flown(load("paper-2-turn", ["d_safe_m=6"]), statistics, i, j, True, None, np.full(3, 400.0)))
     found = {g["id"]: g for g in made}
     for name, bound in (("separation", 6.0), ("safe-set", 0.0), ("barrier-condition", 0.0),
                         ("zcbf-condition", 0.0), ("rows-satisfied", 0.0)):  # fmt: skip
@@ -248,12 +258,12 @@ def test_a_pairs_entry_names_the_worst_pair_its_time_and_how_far_it_is_from_the_
 
 
 def test_qps_without_a_solution_are_counted_by_status_and_the_first_is_named() -> None:
-    none = judged(good_tally())["qp-feasibility"]
+    none = judged(good_statistics())["qp-feasibility"]
     assert (none["value"], none["bound"], none["margin"], none["detail"]) == (0, 0, 0, {"in_safe_set": 0})
-    tally = good_tally()
-    tally.qp_failures, tally.failures_inside = {"iteration_limit": 1, "infeasible": 2}, 2
-    tally.first_failure = (4.25, 1, "infeasible")
-    found = judged(tally)["qp-feasibility"]
+    statistics = good_statistics()
+    statistics.qp_failures, statistics.failures_inside = {"iteration_limit": 1, "infeasible": 2}, 2
+    statistics.first_failure = (4.25, 1, "infeasible")
+    found = judged(statistics)["qp-feasibility"]
     assert (found["value"], found["bound"], found["margin"]) == (3, 0, -3)
     assert list(found["detail"].items()) == [("infeasible", 2), ("iteration_limit", 1), ("in_safe_set", 2)]
     assert (found["t_s"], found["vehicles"]) == (4.25, [2])
@@ -261,11 +271,11 @@ def test_qps_without_a_solution_are_counted_by_status_and_the_first_is_named() -
 
 
 def test_command_limits_report_the_worst_vehicle_and_the_rates_achieved_by_any() -> None:
-    tally = good_tally()
-    tally.command_margin.update(3.5, np.array([0.1, -0.2]))
-    tally.lowest = np.array([[16.0, -0.2, -1.0], [17.0, -0.1, -2.0]])
-    tally.highest = np.array([[24.0, 0.1, 1.0], [23.0, 0.2, 0.5]])
-    found = judged(tally)["command-limits"]
+    statistics = good_statistics()
+    statistics.command_margin.update(3.5, np.array([0.1, -0.2]))
+    statistics.lowest = np.array([[16.0, -0.2, -1.0], [17.0, -0.1, -2.0]])
+    statistics.highest = np.array([[24.0, 0.1, 1.0], [23.0, 0.2, 0.5]])
+    found = judged(statistics)["command-limits"]
     assert (found["value"], found["bound"], found["margin"]) == (-0.2, 0.0, -0.2)
     assert (found["t_s"], found["vehicles"]) == (3.5, [2])
     assert found["detail"] == {
@@ -276,34 +286,34 @@ def test_command_limits_report_the_worst_vehicle_and_the_rates_achieved_by_any()
 
 
 def test_surfaces_at_their_stops_are_reported_if_the_aircraft_has_any() -> None:
-    tally = good_tally()
-    assert "share_at_stop" not in judged(tally)["command-limits"]["detail"]
-    tally.saturation = Saturation([load_airframe("x8")] * 2)
-    tally.saturation.update({"throttle": np.array([1.0, 0.5])})
-    tally.saturation.update({"throttle": np.array([0.5, 0.5])})
-    assert judged(tally)["command-limits"]["detail"]["share_at_stop"]["throttle"] == 0.5
+    statistics = good_statistics()
+    assert "share_at_stop" not in judged(statistics)["command-limits"]["detail"]
+    statistics.saturation = Saturation([load_airframe("x8")] * 2)
+    statistics.saturation.update({"throttle": np.array([1.0, 0.5])})
+    statistics.saturation.update({"throttle": np.array([0.5, 0.5])})
+    assert judged(statistics)["command-limits"]["detail"]["share_at_stop"]["throttle"] == 0.5
 
 
 def test_the_goal_is_that_of_the_vehicle_which_comes_least_near() -> None:
-    tally = good_tally()
-    tally.goal = Extreme(np.array([3.0, 12.0]), np.array([18.0, 19.5]))
-    tally.passed = np.array([17.5, 19.0])
-    near = judged(tally)["goal"]
+    statistics = good_statistics()
+    statistics.goal = Extreme(np.array([3.0, 12.0]), np.array([18.0, 19.5]))
+    statistics.passed = np.array([17.5, 19.0])
+    near = judged(statistics)["goal"]
     assert (near["value"], near["bound"], near["margin"]) == (12.0, 20.0, 8.0)
     assert (near["t_s"], near["vehicles"]) == (19.5, [2])
     assert (near["verdict"], near["why"], near["detail"]) == ("holds", "", {"last_passed_s": 19.0})
-    tally.goal.value[1], tally.passed[1] = 21.0, np.nan
-    far = judged(tally)["goal"]
+    statistics.goal.value[1], statistics.passed[1] = 21.0, np.nan
+    far = judged(statistics)["goal"]
     assert (far["verdict"], far["why"], far["detail"]) == ("violated", "1 of 2 not within it by the end", {})
 
 
 def test_the_intervention_is_the_worst_vehicles_share_of_time_and_what_was_altered_in_all() -> None:
-    tally = good_tally()
-    tally.filter_steps, tally.override_steps = 40, np.array([10, 30])
-    tally.altered = np.array([[1.0, 0.25, 3.0], [0.5, 0.5, 2.0]])
+    statistics = good_statistics()
+    statistics.filter_steps, statistics.override_steps = 40, np.array([10, 30])
+    statistics.altered = np.array([[1.0, 0.25, 3.0], [0.5, 0.5, 2.0]])
     # 400 and 300 m to the goals, 20 m before which the way ends
-    tally.path, tally.passed = np.array([385.0, 290.0]), np.array([18.0, np.nan])
-    found = judged(tally)["intervention"]
+    statistics.path, statistics.passed = np.array([385.0, 290.0]), np.array([18.0, np.nan])
+    found = judged(statistics)["intervention"]
     assert (found["verdict"], found["why"]) == ("not applicable", "reported, not judged")
     assert (found["value"], found["vehicles"]) == (0.75, [2])
     assert found["detail"] == {
@@ -313,10 +323,12 @@ def test_the_intervention_is_the_worst_vehicles_share_of_time_and_what_was_alter
         "path_added_m": [5.0, None],
         "time_added_s": [1.0, None],
     }
-    unknown = judge(Flown(load("paper-2-turn"), tally, *np.triu_indices(2, 1), True, None, np.full(2, 400.0)))
+    unknown = judge(
+        Flown(load("paper-2-turn"), statistics, *np.triu_indices(2, 1), True, None, np.full(2, 400.0))
+    )
     assert unknown[-1]["detail"]["time_added_s"] == [None, None]
-    assert judged(good_tally())["intervention"]["value"] == 0.0
-    once = good_tally()
+    assert judged(good_statistics())["intervention"]["value"] == 0.0
+    once = good_statistics()
     once.filter_steps, once.override_steps = 1, np.array([1, 0])
     assert judged(once)["intervention"]["value"] == 1.0
 
@@ -349,16 +361,24 @@ def test_a_monitors_failed_premise_voids_and_its_failed_conclusion_violates() ->
     assert (never["verdict"], never["why"], never["value"]) == ("not applicable", "never met", None)
 
 
-def premise(tally: Tally, name: str, *overrides: str, barrier=TURN, limits=LIMITS, unflyable=(), safe=True):  # type: ignore[no-untyped-def]
-    made = flown(tally, load("paper-2-turn", list(overrides)), safe)
+def premise(
+    statistics: RunStatistics,
+    name: str,
+    *overrides: str,
+    barrier=TURN,
+    limits=LIMITS,
+    unflyable=(),
+    safe=True,
+):  # type: ignore[no-untyped-def]
+    made = flown(statistics, load("paper-2-turn", list(overrides)), safe)
     return next(e for e in premises(made, barrier, limits, list(unflyable)) if e["id"] == name)
 
 
 def test_each_premise_says_why_it_fails_and_nothing_when_it_holds() -> None:
-    tally = good_tally()
-    tally.gradient.update(1.5, np.array([0.5]))
-    tally.kink.update(2.5, np.array([1.0]))
-    made = premises(flown(tally, load("paper-2-turn")), TURN, LIMITS, [])
+    statistics = good_statistics()
+    statistics.gradient.update(1.5, np.array([0.5]))
+    statistics.kink.update(2.5, np.array([1.0]))
+    made = premises(flown(statistics, load("paper-2-turn")), TURN, LIMITS, [])
     assert {(e["verdict"], e["why"]) for e in made} == {("holds", "")}
     for name, why, spoilt in (
         ("start-safe", "h < 0 at the start", {"safe": False}),
@@ -366,11 +386,11 @@ def test_each_premise_says_why_it_fails_and_nothing_when_it_holds() -> None:
         ("manoeuvre-in-U", "there is no one manoeuvre", {"barrier": EuclideanBarrier(5.0)}),
         ("manoeuvre-flyable", "too slow; too steep", {"unflyable": ["too slow", "too steep"]}),
     ):
-        found = premise(tally, name, **spoilt)
+        found = premise(statistics, name, **spoilt)
         assert (found["verdict"], found["why"]) == ("premise not met", why)
     separate = load("paper-counterexample")
     three = Limits(np.full(3, 15.0), 25.0, 0.25, 3.9)
-    made = {e["id"]: e for e in premises(flown(good_tally(3), separate), TURN, three, [])}
+    made = {e["id"]: e for e in premises(flown(good_statistics(3), separate), TURN, three, [])}
     for name, why in (("shared-manoeuvre", "each pair has its own"),
                       ("manoeuvre-flyable", "there is no one manoeuvre")):  # fmt: skip
         assert (made[name]["verdict"], made[name]["why"]) == ("premise not met", why)
@@ -380,52 +400,52 @@ def test_the_manoeuvre_is_as_far_inside_the_limits_as_its_worst_entry_of_its_wor
     # Of vehicle 2, 0.2 of +-0.25 rad/s: 0.05 of a range of 0.5. No climb is asked of either.
     sigma = TurnBarrier(16.0, 0.2, 5.0, sigma=[1.25, 1.3])
     limits = Limits([15.0, 15.0], [25.0, 25.0], [0.3, 0.25], 3.9)
-    found = premise(good_tally(), "manoeuvre-in-U", barrier=sigma, limits=limits)
+    found = premise(good_statistics(), "manoeuvre-in-U", barrier=sigma, limits=limits)
     assert found["value"] == found["margin"] == pytest.approx(0.1) and found["bound"] == 0.0
     assert (found["verdict"], found["vehicles"]) == ("holds", [2])
     # vehicles that cannot climb, and gamma asks for no climb: on the edge is inside
     flat = Limits([15.0, 15.0], [25.0, 25.0], 0.25, 0.0)
-    assert premise(good_tally(), "manoeuvre-in-U", limits=flat)["value"] == 0.0
-    assert premise(good_tally(), "manoeuvre-in-U", limits=flat)["verdict"] == "holds"
+    assert premise(good_statistics(), "manoeuvre-in-U", limits=flat)["value"] == 0.0
+    assert premise(good_statistics(), "manoeuvre-in-U", limits=flat)["verdict"] == "holds"
     euclidean = EuclideanBarrier(5.0, gamma=Command(15.0, 0.0, 1.0))
-    found = premise(good_tally(), "manoeuvre-in-U", barrier=euclidean, limits=flat)
+    found = premise(good_statistics(), "manoeuvre-in-U", barrier=euclidean, limits=flat)
     # 1 m/s of climb where none is allowed counts as it is, for there is no range to divide by
     assert (found["value"], found["verdict"]) == (-1.0, "premise not met")
 
 
 def test_a_gradient_that_is_nearly_zero_at_the_boundary_voids_and_one_never_seen_does_not_apply() -> None:
-    unseen = premise(good_tally(), "gradient")
+    unseen = premise(good_statistics(), "gradient")
     assert (unseen["verdict"], unseen["why"]) == ("not applicable", "no pair came to the boundary")
     for value, verdict_ in ((1e-10, "premise not met"), (1e-9, "premise not met"), (1e-8, "holds")):
-        tally = good_tally()
-        tally.gradient.update(1.5, np.array([value]))
-        found = premise(tally, "gradient")
+        statistics = good_statistics()
+        statistics.gradient.update(1.5, np.array([value]))
+        found = premise(statistics, "gradient")
         assert (found["verdict"], found["value"], found["bound"]) == (verdict_, value, 0.0)
         assert (found["t_s"], found["vehicles"]) == (1.5, [1, 2])
 
 
 def test_the_kink_is_one_filter_step_away_at_least_or_the_premise_fails() -> None:
     smooth = TurnBarrier(16.0, 0.2, 5.0, smoothing=0.5)
-    tally = good_tally()
-    for none in (premise(tally, "off-the-kink", barrier=EuclideanBarrier(5.0)),
-                 premise(tally, "off-the-kink", "filter.kind=none")):  # fmt: skip
+    statistics = good_statistics()
+    for none in (premise(statistics, "off-the-kink", barrier=EuclideanBarrier(5.0)),
+                 premise(statistics, "off-the-kink", "filter.kind=none")):  # fmt: skip
         assert (none["verdict"], none["why"]) == ("not applicable", "no kink, or nothing binds")
-    found = premise(tally, "off-the-kink", barrier=smooth)
+    found = premise(statistics, "off-the-kink", barrier=smooth)
     assert (found["verdict"], found["why"]) == ("holds", "smoothed")
-    unbound = premise(tally, "off-the-kink")
+    unbound = premise(statistics, "off-the-kink")
     assert (unbound["verdict"], unbound["why"]) == ("not applicable", "no row ever bound")
     for value, verdict_, why in (
         (1.0, "holds", ""),
         (0.99, "premise not met", "one filter step can cross it"),
     ):
-        tally = good_tally()
-        tally.kink.update(2.5, np.array([value]))
-        found = premise(tally, "off-the-kink")
+        statistics = good_statistics()
+        statistics.kink.update(2.5, np.array([value]))
+        found = premise(statistics, "off-the-kink")
         assert (found["verdict"], found["why"], found["bound"]) == (verdict_, why, 1.0)
 
 
 def test_nothing_seen_is_never_a_pass() -> None:
-    assert "holds" not in scripted(Tally(2), load("paper-2-turn")).values()
+    assert "holds" not in scripted(RunStatistics(2), load("paper-2-turn")).values()
 
 
 def test_an_extreme_remembers_the_first_instant_of_its_minimum() -> None:
@@ -452,8 +472,8 @@ def test_separation_is_tracked_between_filter_steps() -> None:
 
 
 def test_state_is_never_nan_in_tally() -> None:
-    tally = Tally(2)
+    statistics = RunStatistics(2)
     state = State([0.0, 3.0], [0.0, 4.0], 0.0, 0.0)
-    tally.start(np.stack([state.x, state.y, state.z], axis=-1), np.zeros((2, 3)), 4.0)
-    assert tally.separation.worst() == (0, 5.0, 0.0)
-    assert tally.passed.tolist()[0] == 0.0 and np.isnan(tally.passed[1])
+    statistics.start(np.stack([state.x, state.y, state.z], axis=-1), np.zeros((2, 3)), 4.0)
+    assert statistics.separation.worst() == (0, 5.0, 0.0)
+    assert statistics.passed.tolist()[0] == 0.0 and np.isnan(statistics.passed[1])

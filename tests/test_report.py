@@ -204,7 +204,7 @@ def test_a_run_that_ended_early_says_so_and_keeps_nothing(
     monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
     compare(scenarios, tmp_path / "r")
     found = seen(tmp_path / "r")
-    why = "vehicle 2: ground by 0.200 s, the run ended there"
+    why = "vehicle 2: ground at 0.200 s; run stopped"
     assert "Separation not shown on lagged; kept on unicycle" in found.words
     assert f"the run did not finish: {why}" in found.words
     assert "not judged, the run ended early: G1 separation" in found.words

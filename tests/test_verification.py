@@ -201,7 +201,7 @@ def test_a_run_that_ended_early_agrees_and_when_it_ended_is_checked(tmp_path: Pa
     run(load("paper-2-turn", [*NEAR, "manoeuvre_instants=0"]), tmp_path / "run", parts=parts)
     assert differing(tmp_path / "run") == set()
     forged = copied(tmp_path / "run", tmp_path / "forged")
-    edit_manifest(forged, ended_early="vehicle 1: ground by 0.300 s, the run ended there")
+    edit_manifest(forged, ended_early="vehicle 1: ground at 0.300 s; run stopped")
     seal(forged)
     assert "end" in differing(forged)
 

@@ -477,7 +477,7 @@ def test_another_scenario(unicycle: Path, tmp_path: Path) -> None:
     ("fields", "named"),
     [
         ({"filter_steps": 7}, "end"),
-        ({"ended_early": "vehicle 1: ground by 0.500 s, the run ended there"}, "end"),
+        ({"ended_early": "vehicle 1: ground at 0.500 s; run stopped"}, "end"),
         ({"override_share": [0.0, 0.0]}, "override"),
     ],
 )

@@ -6,7 +6,7 @@ from aircraft.airframe import Airframe
 from aircraft.check.xml import read
 
 
-def travel(airframe: Airframe) -> dict[str, tuple[float, float]]:
+def actuator_limits(airframe: Airframe) -> dict[str, tuple[float, float]]:
     """Telemetry name -> least and greatest position, for the surfaces that the model clips, and the throttle.
 
     rad, the throttle 0 to 1. A surface without a <clipto> of numbers is left out: it has no stop.

@@ -12,7 +12,7 @@ from aircraft.jsbsim.fdm import Fdm, Start, telemetry
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin, motion, positions
 from filters.model import Array, Command, State
 
-NOT_FINITE = "not finite"
+NOT_FINITE = "state not finite"
 _GROUND_CONTACT_M = 0.3  # below this the belly skids touch
 # Loss of control. The autopilot keeps alpha below alpha_max; at twice that both our wings are past the stall
 # (X8 0.40 of 0.27 rad, Rascal 0.34 of 0.23). A gust's moment of it is no stall, and no command banks so far.
@@ -151,12 +151,12 @@ class JsbsimFleet:
     def _lost(self, i: int, height: float, period: float) -> str:
         """What has befallen vehicle i, `height` [m] above ground, over `period` [s]; "" for nothing."""
         if height < _GROUND_CONTACT_M:
-            return "ground"
+            return "hit the ground"
         alpha, roll = self._vehicles[i].upset()
         if abs(roll) > _UPSET_RAD:
             return "upset"
         self._stalled_s[i] = self._stalled_s[i] + period if alpha > self._stall[i] else 0.0
-        return "stall" if self._stalled_s[i] > _STALL_S else ""
+        return "stalled" if self._stalled_s[i] > _STALL_S else ""
 
     def _motion(self, i: int) -> tuple[float, float, float, float]:
         """Course of vehicle i, counting turns, and its rates."""
@@ -194,7 +194,7 @@ class JsbsimFleet:
         return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
     def faults(self) -> list[str]:
-        """Per vehicle "", "not finite", "ground", "stall" (alpha) or "upset" (bank)."""
+        """Per vehicle "", "state not finite", "hit the ground", "stalled" (alpha) or "upset" (bank)."""
         return list(self._faults)
 
     def __len__(self) -> int:

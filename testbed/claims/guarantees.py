@@ -12,7 +12,7 @@ import numpy as np
 
 from filters.cbf.theorem_monitor import MonitorRecord
 from testbed.claims.verdict import HOLDS, PREMISE, VIOLATED, Entry, at_pair, decide, entry
-from testbed.measures.run_statistics import Tally
+from testbed.measures.run_statistics import RunStatistics
 from testbed.scenario.scenario import Scenario
 
 # Round-off of a barrier evaluated at coordinates of some hundred metres.
@@ -32,17 +32,17 @@ class Flown:
     started_safe  whether h >= 0 for all pairs at t = 0
     end           why the run ended before its time, or None
     straight      (N,) m, distance from start to goal
-    alone_s       (N,) s, that way to within the goal radius at the nominal speed; None if unknown
+    solo_time_s   (N,) s, that way to within the goal radius at the nominal speed; None if unknown
     """
 
     scenario: Scenario
-    tally: Tally
+    statistics: RunStatistics
     i: np.ndarray
     j: np.ndarray
     started_safe: bool
     end: str | None
     straight: np.ndarray
-    alone_s: np.ndarray | None = None
+    solo_time_s: np.ndarray | None = None
 
 
 def judge(f: Flown) -> list[Entry]:
@@ -70,8 +70,8 @@ def _separation(f: Flown) -> Entry:
     if not f.i.size:
         return e | {"why": "one vehicle has nobody to keep clear of"}
     d_safe = f.scenario.d_safe_m
-    holds = at_pair(e, f.tally.separation, f.i, f.j, d_safe) >= d_safe
-    _, between, _ = f.tally.between.worst()
+    holds = at_pair(e, f.statistics.separation, f.i, f.j, d_safe) >= d_safe
+    _, between, _ = f.statistics.between.worst()
     e["detail"] = {"between_steps_m": between}
     return decide(e, holds and not between < d_safe, f.end)
 
@@ -80,7 +80,7 @@ def _invariance(f: Flown) -> Entry:
     e = entry("safe-set", "G2", "h >= 0 for ever", "Theorem 1, Corollary 1", "least h", _unit(f))
     if not f.i.size:
         return e | {"why": "no pair, no barrier"}
-    value = at_pair(e, f.tally.h, f.i, f.j, 0.0)
+    value = at_pair(e, f.statistics.h, f.i, f.j, 0.0)
     if not f.started_safe:
         return e | {"verdict": PREMISE, "why": "the start is outside the safe set"}
     return decide(e, value >= -H_TOLERANCE_M, f.end)
@@ -97,7 +97,7 @@ def _condition(f: Flown) -> Entry:
     )
     if not f.i.size:
         return e | {"why": "no pair, no barrier"}
-    value = at_pair(e, f.tally.condition, f.i, f.j, 0.0)
+    value = at_pair(e, f.statistics.condition, f.i, f.j, 0.0)
     if np.isnan(value):
         return e | {"verdict": PREMISE, "why": "the run had no motion"}
     return decide(e, value >= -CONDITION_TOLERANCE_MPS, f.end)
@@ -114,7 +114,7 @@ def _admissible(f: Flown) -> Entry:
     )
     if not f.i.size:
         return e | {"why": "no pair, no barrier"}
-    value = at_pair(e, f.tally.admissible, f.i, f.j, 0.0)
+    value = at_pair(e, f.statistics.admissible, f.i, f.j, 0.0)
     if np.isnan(value):
         return e | {"verdict": PREMISE, "why": "no pair was ever inside its safe set"}
     return decide(e, value >= -H_TOLERANCE_M, f.end)
@@ -124,15 +124,15 @@ def _feasibility(f: Flown) -> Entry:
     e = entry(
         "qp-feasibility", "G4", "the QP has a solution", "Theorems 3, 4", "vehicle-steps without one", ""
     )
-    if f.scenario.filter.kind not in QP_FILTERS or f.tally.without_qp:
+    if f.scenario.filter.kind not in QP_FILTERS or f.statistics.without_qp:
         return e | {"why": "the filter solves no QP"}
-    if not f.tally.filter_steps:
+    if not f.statistics.filter_steps:
         return e | {"verdict": PREMISE, "why": "no QP was solved"}
-    failures, inside = sum(f.tally.qp_failures.values()), f.tally.failures_inside
+    failures, inside = sum(f.statistics.qp_failures.values()), f.statistics.failures_inside
     e.update(value=failures, bound=0, margin=-failures)
-    e["detail"] = dict(sorted(f.tally.qp_failures.items())) | {"in_safe_set": inside}
-    if f.tally.first_failure is not None:
-        t, vehicle, status = f.tally.first_failure
+    e["detail"] = dict(sorted(f.statistics.qp_failures.items())) | {"in_safe_set": inside}
+    if f.statistics.first_failure is not None:
+        t, vehicle, status = f.statistics.first_failure
         e.update(t_s=t, vehicles=[vehicle + 1], why=f"first {status}; {inside} of them inside the safe set")
     return decide(e, failures == 0, f.end)
 
@@ -146,14 +146,14 @@ def _limits(f: Flown) -> Entry:
         "least distance inside the limits, as a share of their range",
         "",
     )
-    vehicle, value, t = f.tally.command_margin.worst()
+    vehicle, value, t = f.statistics.command_margin.worst()
     if vehicle < 0:
         return e | {"verdict": PREMISE, "why": "no command was given"}
     e.update(value=value, bound=0.0, margin=value, t_s=t, vehicles=[vehicle + 1])
-    low, high = f.tally.lowest.min(axis=0), f.tally.highest.max(axis=0)
+    low, high = f.statistics.lowest.min(axis=0), f.statistics.highest.max(axis=0)
     names = ("v_mps", "omega_radps", "zeta_mps")
     e["detail"] = {f"achieved_{n}": [float(a), float(b)] for n, a, b in zip(names, low, high, strict=True)}
-    if shares := f.tally.saturation.shares():
+    if shares := f.statistics.saturation.shares():
         e["detail"]["share_at_stop"] = shares
     return decide(e, value >= 0.0, f.end)
 
@@ -167,16 +167,16 @@ def _implied(f: Flown) -> Entry:
         "least L_g h u + alpha(h)",
         _unit(f, rate=True),
     )
-    if f.scenario.filter.kind not in QP_FILTERS or not f.i.size or f.tally.without_qp:
+    if f.scenario.filter.kind not in QP_FILTERS or not f.i.size or f.statistics.without_qp:
         return e | {"why": "no rows"}
-    value = at_pair(e, f.tally.rows, f.i, f.j, 0.0)
+    value = at_pair(e, f.statistics.rows, f.i, f.j, 0.0)
     if np.isnan(value):
         return e | {"verdict": PREMISE, "why": "no QP was solved"}
     return decide(e, value >= -ROW_TOLERANCE_MPS, f.end)
 
 
 def _goals(f: Flown) -> Entry:
-    s, tally = f.scenario, f.tally
+    s, statistics = f.scenario, f.statistics
     e = entry(
         "goal",
         "G7",
@@ -185,15 +185,15 @@ def _goals(f: Flown) -> Entry:
         "largest over vehicles of the closest approach",
         "m",
     )
-    worst = int(np.argmax(tally.goal.value))
-    value = float(tally.goal.value[worst])
+    worst = int(np.argmax(statistics.goal.value))
+    value = float(statistics.goal.value[worst])
     e.update(value=value, bound=s.goal_radius_m, margin=s.goal_radius_m - value)
-    e.update(t_s=float(tally.goal.t[worst]), vehicles=[worst + 1])
-    late = int(np.isnan(tally.passed).sum())
+    e.update(t_s=float(statistics.goal.t[worst]), vehicles=[worst + 1])
+    late = int(np.isnan(statistics.passed).sum())
     if late:
-        e["why"] = f"{late} of {tally.vehicles} not within it by the end"
+        e["why"] = f"{late} of {statistics.vehicles} not within it by the end"
     else:
-        e["detail"] = {"last_passed_s": float(np.max(tally.passed))}
+        e["detail"] = {"last_passed_s": float(np.max(statistics.passed))}
     return decide(e, value <= s.goal_radius_m, f.end)
 
 
@@ -207,18 +207,18 @@ def _work(f: Flown) -> Entry:
         "time overridden, worst",
         "",
     )
-    tally = f.tally
-    share = tally.override_steps / max(1, tally.filter_steps)
+    statistics = f.statistics
+    share = statistics.override_steps / max(1, statistics.filter_steps)
     worst = int(np.argmax(share))
     e.update(value=float(share[worst]), vehicles=[worst + 1])
     e["why"] = "reported, not judged"
-    path = tally.path - (f.straight - f.scenario.goal_radius_m)
-    time = tally.passed - (f.alone_s if f.alone_s is not None else np.nan)
+    path = statistics.path - (f.straight - f.scenario.goal_radius_m)
+    time = statistics.passed - (f.solo_time_s if f.solo_time_s is not None else np.nan)
     e["detail"] = {
-        "altered_v_m": float(tally.altered[:, 0].sum()),
-        "altered_omega_rad": float(tally.altered[:, 1].sum()),
-        "altered_zeta_m": float(tally.altered[:, 2].sum()),
-        "path_added_m": _known(np.where(np.isfinite(tally.passed), path, np.nan)),
+        "altered_v_m": float(statistics.altered[:, 0].sum()),
+        "altered_omega_rad": float(statistics.altered[:, 1].sum()),
+        "altered_zeta_m": float(statistics.altered[:, 2].sum()),
+        "path_added_m": _known(np.where(np.isfinite(statistics.passed), path, np.nan)),
         "time_added_s": _known(time),
     }
     return e

@@ -16,7 +16,7 @@ from filters.barriers.closed_form import Barrier
 from filters.model import Array, Limits, State
 from testbed.claims.guarantees import H_TOLERANCE_M
 from testbed.claims.verdict import PREMISE, Entry, decide, entry
-from testbed.measures.near_misses import Approach
+from testbed.measures.near_misses import NearMisses
 from testbed.scenario.scenario import Scenario
 
 # How often the air is asked and the plant stepped while gamma is flown [s].
@@ -25,19 +25,19 @@ PERIOD_S = 0.05
 STRAIGHT_HORIZON_S = 60.0
 
 
-def instants(s: Scenario, approach: Approach, end_t: float) -> list[float]:
+def instants(s: Scenario, near_misses: NearMisses, end_t: float) -> list[float]:
     """When to branch first: a third evenly along the run, a third where pairs drew nearest; [s], ascending.
 
-    Whole filter periods; of the nearest pairs the end of the approach and its beginning. The rest of
+    Whole filter periods; of the nearest pairs the end of their approach and its beginning. The rest of
     `checks.manoeuvre_instants` is for `fly` to place.
     """
     dt, n = s.rates.filter_dt_s, s.checks.manoeuvre_instants
     spread = max(1, n // 3)
     steps = {round(k * end_t / spread / dt) for k in range(spread)}
-    for p in np.argsort(approach.least):
-        if not np.isfinite(approach.least[p]):
+    for p in np.argsort(near_misses.least):
+        if not np.isfinite(near_misses.least[p]):
             break
-        for t in (approach.last[p], approach.first[p]):
+        for t in (near_misses.last[p], near_misses.first[p]):
             if len(steps) < max(2, 2 * n // 3):
                 steps.add(round(t / dt))
     return [k * dt for k in sorted(steps)]

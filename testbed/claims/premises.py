@@ -62,7 +62,7 @@ def _gradient(f: Flown) -> Entry:
     e = entry(
         "gradient", "P5", "L_g h is not zero at the boundary", "Theorem 2, Proposition 1", "least |L_g h|", ""
     )
-    if np.isnan(at_pair(e, f.tally.gradient, f.i, f.j, 0.0)):
+    if np.isnan(at_pair(e, f.statistics.gradient, f.i, f.j, 0.0)):
         return e | {"why": "no pair came to the boundary"}
     return decide_premise(e, e["value"] > 1e-9)
 
@@ -80,7 +80,7 @@ def _kink(f: Flown, barrier: Barrier) -> Entry:
         return e | {"why": "no kink, or nothing binds"}
     if barrier.smoothing > 0:
         return decide_premise(e, True, "smoothed")
-    if np.isnan(at_pair(e, f.tally.kink, f.i, f.j, 1.0)):
+    if np.isnan(at_pair(e, f.statistics.kink, f.i, f.j, 1.0)):
         return e | {"why": "no row ever bound"}
     holds = e["value"] >= 1.0
     return decide_premise(e, holds, "" if holds else "one filter step can cross it")

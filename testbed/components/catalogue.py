@@ -27,7 +27,7 @@ from filters.cbf.constraints import PerPair
 from filters.cbf.theorem_monitor import Monitor
 from filters.model import Array, Command, Limits
 from testbed.components import remedies
-from testbed.components.guidance import Constant, NearIdentity, NominalController
+from testbed.components.guidance import Constant, Guidance, NearIdentity
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario.scenario import Scenario
@@ -163,13 +163,13 @@ def filter_(s: Scenario, b: Barrier, goal: Array) -> Filter:
     return remedies.wrap(s, FILTERS[s.filter.kind](s, own, goal), own, lags)
 
 
-NOMINALS: dict[str, Callable[[Scenario, Array, Barrier], NominalController]] = {
+NOMINALS: dict[str, Callable[[Scenario, Array, Barrier], Guidance]] = {
     "near-identity": lambda s, goal, b: NearIdentity(goal, s.nominal.lookahead_m, s.nominal.gain_per_s),
     "manoeuvre": lambda s, goal, b: Constant(b.manoeuvre(s.vehicles)),
 }
 
 
-def nominal(s: Scenario, goal: Array, b: Barrier) -> NominalController:
+def nominal(s: Scenario, goal: Array, b: Barrier) -> Guidance:
     return NOMINALS[s.nominal.controller](s, goal, b)
 
 

@@ -12,7 +12,7 @@ from filters.barriers.closed_form import Barrier
 from filters.cbf.collision import Filter
 from filters.model import Array
 from testbed.components import catalogue
-from testbed.components.guidance import NominalController
+from testbed.components.guidance import Guidance
 from testbed.environment.disturbance import Disturbance
 from testbed.scenario.scenario import Scenario
 
@@ -24,14 +24,14 @@ class Parts:
     plant        (scenario, wind (N, 3) m/s at the start) -> `aircraft.plant.Plant`; twice where the
                  evading manoeuvre is flown as well
     filter       (scenario, barrier, goal (N, 3) m) -> `filters.cbf.collision.Filter`
-    nominal      (scenario, goal (N, 3) m, barrier) -> `testbed.components.guidance.NominalController`
+    nominal      (scenario, goal (N, 3) m, barrier) -> `testbed.components.guidance.Guidance`
     disturbance  (scenario, generators by name) -> `testbed.environment.disturbance.Disturbance`
     A scenario file cannot name code: parts of one's own come from Python alone.
     """
 
     plant: Callable[[Scenario, Array], Plant] = catalogue.plant
     filter: Callable[[Scenario, Barrier, Array], Filter] = catalogue.filter_
-    nominal: Callable[[Scenario, Array, Barrier], NominalController] = catalogue.nominal
+    nominal: Callable[[Scenario, Array, Barrier], Guidance] = catalogue.nominal
     disturbance: Callable[[Scenario, dict[str, np.random.Generator]], Disturbance] = catalogue.disturbance
 
     def own(self) -> dict[str, str]:

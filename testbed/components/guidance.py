@@ -10,7 +10,7 @@ import numpy as np
 from filters.model import Array, Command, State
 
 
-class NominalController(Protocol):
+class Guidance(Protocol):
     """The controller that the filter alters: the input u_hat (N,) wanted at time t [s] in `state` (N,)."""
 
     def __call__(self, t: float, state: State) -> Command:

@@ -7,7 +7,7 @@ import numpy as np
 from filters.model import Array
 
 
-class Approach:
+class NearMisses:
     """Each pair's deepest descent of h that stayed inside the safe set, watched at every filter step.
 
     near   h below which a pair counts as near

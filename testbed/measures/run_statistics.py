@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from filters.barriers.closed_form import all_pairs
 from filters.model import Array, Limits
 from filters.qp.single import Status
-from testbed.measures.near_misses import Approach
+from testbed.measures.near_misses import NearMisses
 from testbed.measures.saturation import Saturation
 
 # |h| [m] below which a pair stands at the boundary of the safe set.
@@ -47,7 +47,7 @@ class Extreme:
 
 
 @dataclass
-class Tally:
+class RunStatistics:
     """Extremes over a whole run, at the rate each quantity is made.
 
     Per pair (P,):
@@ -69,12 +69,12 @@ class Tally:
     lowest, highest (N, 3) achieved rates
 
     saturation  surfaces and throttle at their stops
-    approach    where pairs drew nearest, if anybody asks
+    near_misses where pairs drew nearest, if anybody asks
     """
 
     vehicles: int
     saturation: Saturation = field(default_factory=Saturation)
-    approach: Approach | None = None
+    near_misses: NearMisses | None = None
     separation: Extreme = field(init=False)
     between: Extreme = field(init=False)
     h: Extreme = field(init=False)
@@ -191,9 +191,9 @@ class Tally:
         lie  L_g h by vehicle i or j, and by v, omega and zeta, (2, 3, S, P)
         """
         self.h.update(t, h)
-        if self.approach is not None:
+        if self.near_misses is not None:
             for at, now in zip(t.tolist(), h, strict=True):
-                self.approach.update(at, now.copy())
+                self.near_misses.update(at, now.copy())
         best, least = alpha.copy(), alpha.copy()
         for side, vehicle in zip(lie, (self._i, self._j), strict=True):
             low, high = (corner[vehicle].T[:, None] for corner in limits.corners)

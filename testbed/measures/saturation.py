@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aircraft.airframe import Airframe
-from aircraft.datasheets.actuator_limits import travel
+from aircraft.datasheets.actuator_limits import actuator_limits
 from filters.model import Array
 
 # A servo nears its stop as a lag does and need not touch it: within this share of the travel counts.
@@ -23,7 +23,7 @@ class Saturation:
 
     def __init__(self, airframes: Sequence[Airframe] = ()) -> None:
         # Aircraft of one airframe share the object: its files are read once.
-        known = {id(a): travel(a) for a in {id(a): a for a in airframes}.values()}
+        known = {id(a): actuator_limits(a) for a in {id(a): a for a in airframes}.values()}
         stops = [known[id(a)] for a in airframes]
         names = dict.fromkeys(name for of in stops for name in of)
         unknown = (np.nan, np.nan)

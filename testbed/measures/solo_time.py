@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from filters.model import Array, Limits, State
-from testbed.components.guidance import NearIdentity, NominalController
+from testbed.components.guidance import Guidance, NearIdentity
 
 # The nominal speed is smooth along the way: more points change the time by less than a millisecond.
 POINTS = 400
 
 
-def straight_s(
-    nominal: NominalController, limits: Limits, start: Array, goal: Array, goal_radius_m: float
-) -> Array:
+def solo_time(nominal: Guidance, limits: Limits, start: Array, goal: Array, goal_radius_m: float) -> Array:
     """(N,) s: the straight way from `start` to within the goal radius of `goal`, both (N, 3) m.
 
     Flown at the ground speed the nominal controller asks for on it, inside the limits.

@@ -98,7 +98,7 @@ class MemorySink:
 BLOCK_ROWS = {"vehicles": 16_384, "pairs": 65_536}
 
 
-class Recorder:
+class RowWriter:
     """Gathers rows and hands them on in large blocks."""
 
     def __init__(self, sink: Sink) -> None:

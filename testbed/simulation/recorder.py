@@ -1,4 +1,4 @@
-"""What is made of a flight while it is flown: extremes and counts of all steps, rows of the recorded ones."""
+"""Updates statistics and writes rows during a run."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from filters.cbf.constraints import dot
 from filters.model import Array, Command, Limits, State
 from filters.qp.single import Status
 from testbed.measures import hdot_ledger
-from testbed.measures.run_statistics import Tally
-from testbed.records.run import REALISED_COLUMNS, WIND_COLUMNS, Columns, Recorder
-from testbed.simulation.step_buffer import Stretch
+from testbed.measures.run_statistics import RunStatistics
+from testbed.records.run import REALISED_COLUMNS, WIND_COLUMNS, Columns, RowWriter
+from testbed.simulation.step_buffer import StepBuffer
 
 STATUS_NAMES = np.array([s.name.lower() for s in Status])
 
 
-class Watch:
-    """Tallies and records the steps that are put into `stretch`, a stretch at a time.
+class Recorder:
+    """Counts and records the steps in `buffer`, many steps at a time.
 
     barrier  the unmodified one
     alpha    h -> m/s
@@ -28,9 +28,9 @@ class Watch:
 
     def __init__(
         self,
-        stretch: Stretch,
-        tally: Tally,
-        recorder: Recorder,
+        buffer: StepBuffer,
+        statistics: RunStatistics,
+        rows: RowWriter,
         barrier: Barrier,
         alpha: OddPolynomial,
         limits: Limits,
@@ -38,66 +38,66 @@ class Watch:
         fdm_dt: float,
         windy: bool,
     ) -> None:
-        self.stretch, self.tally, self.recorder = stretch, tally, recorder
+        self.buffer, self.statistics, self.rows = buffer, statistics, rows
         self.barrier, self.alpha, self.limits = barrier, alpha, limits
         self.dt, self.windy = dt, windy
-        self._offsets = fdm_dt * np.arange(1, stretch.periods + 1)
+        self._offsets = fdm_dt * np.arange(1, buffer.periods + 1)
 
     def look(self) -> None:
-        """Take in the stretch's new steps, and make room for further ones."""
-        s = self.stretch
+        """Take in the buffer's new steps, and make room for further ones."""
+        s = self.buffer
         if s.count == s.seen:
             return
         new = slice(s.seen, s.count)
         s.judge_truth(self.barrier)
-        self.tally.decided(
+        self.statistics.decided(
             s.t[new], self.dt, s.command[new], s.wanted[new], s.rates[new], s.override[new], self.limits
         )
         inside = np.asarray((s.h[new] >= 0.0).all(axis=-1))
-        self.tally.solved(s.t[new], s.status[new], s.residual[new], inside)
+        self.statistics.solved(s.t[new], s.status[new], s.residual[new], inside)
         if s.i.size:
             self._look_at_pairs(new)
         self._record_vehicles(s.seen + np.flatnonzero(s.recorded[new]))
         if s.moved:
             t = s.t[s.seen : s.seen + s.moved, None] + self._offsets
-            self.tally.positions(t.ravel(), s.track[: t.size], s.periods)
+            self.statistics.positions(t.ravel(), s.track[: t.size], s.periods)
         s.keep_last()
 
     def close(self) -> None:
         """The flight is over: what the last step led to stays unknown."""
         self.look()
-        s = self.stretch
+        s = self.buffer
         if s.recorded[0] and s.i.size:
             unknown = dict.fromkeys(REALISED_COLUMNS, np.full(s.i.size, np.nan))
-            self.recorder.add("pairs", self._pair_rows(np.zeros(1, dtype=int), s.lie()) | unknown)
+            self.rows.add("pairs", self._pair_rows(np.zeros(1, dtype=int), s.lie()) | unknown)
 
     def _look_at_pairs(self, new: slice) -> None:
-        s, tally = self.stretch, self.tally
+        s, statistics = self.buffer, self.statistics
         h, lie = s.h[: s.count], s.lie()
         alpha_h = self.alpha(h)
-        tally.barrier(s.t[new], h[new], lie[:, :, new], alpha_h[new], self.limits)
+        statistics.barrier(s.t[new], h[new], lie[:, :, new], alpha_h[new], self.limits)
         if isinstance(self.barrier, TurnBarrier):
-            tally.phasor(s.t[new], self.barrier.phasor(State.of(s.truth[new])))
-        tally.rows.update(s.t[new], self._solved_rows(new))
+            statistics.phasor(s.t[new], self.barrier.phasor(State.of(s.truth[new])))
+        statistics.rows.update(s.t[new], self._solved_rows(new))
         if s.count == 1:
             return
         realised = np.diff(h, axis=0) / self.dt
-        tally.condition.update(s.t[: s.count - 1], realised + alpha_h[:-1])
+        statistics.condition.update(s.t[: s.count - 1], realised + alpha_h[:-1])
         led = np.flatnonzero(s.recorded[: s.count - 1])
         if led.size:
             residuals = {"hdot_realised_mps": realised[led].ravel()} | self._residuals(led, lie)
-            self.recorder.add("pairs", self._pair_rows(led, lie) | residuals)
+            self.rows.add("pairs", self._pair_rows(led, lie) | residuals)
 
     def _solved_rows(self, new: slice) -> Array:
         """L_g h u + alpha(h) of the filter's own rows (S, P); inf where one of the QPs was not solved."""
-        s = self.stretch
+        s = self.buffer
         solved = s.status[new] == Status.SOLVED
         known = solved[:, s.i] & solved[:, s.j] & ~np.isnan(s.filter_h[new])
         return np.where(known, s.predicted[new] + self.alpha(s.filter_h[new]), np.inf)
 
     def _record_vehicles(self, steps: np.ndarray) -> None:
         """Rows of `vehicles` at these steps."""
-        s, n = self.stretch, self.stretch.vehicles
+        s, n = self.buffer, self.buffer.vehicles
         if not steps.size:
             return
         columns: Columns = {
@@ -114,13 +114,13 @@ class Watch:
         telemetry = {
             name: np.concatenate([s.telemetry[k][name] for k in steps]) for name in s.telemetry[steps[0]]
         }
-        self.tally.saturation.update({name: x.reshape(-1, n) for name, x in telemetry.items()})
+        self.statistics.saturation.update({name: x.reshape(-1, n) for name, x in telemetry.items()})
         wind = s.air[steps].reshape(-1, 3).T if self.windy else ()
-        self.recorder.add("vehicles", columns | telemetry | dict(zip(WIND_COLUMNS, wind, strict=False)))
+        self.rows.add("vehicles", columns | telemetry | dict(zip(WIND_COLUMNS, wind, strict=False)))
 
     def _pair_rows(self, steps: np.ndarray, lie: Array) -> Columns:
-        """Rows of `pairs` at these steps, as far as the instant itself tells; `lie` as in `Stretch.lie`."""
-        s = self.stretch
+        """Rows of `pairs` at these steps, what the instant itself tells; `lie` as in `StepBuffer.lie`."""
+        s = self.buffer
         position = s.truth[steps][:, :, [0, 1, 3]]
         apart = position[:, s.i] - position[:, s.j]
         i, j = self._in_one_row(steps.size)
@@ -138,7 +138,7 @@ class Watch:
 
     def _residuals(self, steps: np.ndarray, lie: Array) -> Columns:
         """What the motion after these steps made of the prediction, by channel."""
-        s = self.stretch
+        s = self.buffer
         drift = np.zeros(steps.size * s.vehicles)
         before, after = ([s.telemetry[k].get("heading_rad") for k in at] for at in (steps, steps + 1))
         if all(heading is not None for heading in before + after):
@@ -153,8 +153,8 @@ class Watch:
 
     def _in_one_row(self, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """The pairs of so many steps, (steps P,), when the vehicles of all of them stand in one row."""
-        first = self.stretch.vehicles * np.arange(steps)[:, None]
-        return (first + self.stretch.i).ravel(), (first + self.stretch.j).ravel()
+        first = self.buffer.vehicles * np.arange(steps)[:, None]
+        return (first + self.buffer.i).ravel(), (first + self.buffer.j).ravel()
 
     def _sides(self, steps: np.ndarray, lie: Array) -> tuple[Array, Array]:
         """L_g h of vehicles i and of j at these steps, (steps P, 3) each."""

@@ -26,17 +26,17 @@ from testbed.components.components import Parts
 from testbed.components.initial_conditions import generators, places
 from testbed.environment.disturbance import Disturbance
 from testbed.errors import UserError
-from testbed.measures.near_misses import Approach
-from testbed.measures.run_statistics import Tally
+from testbed.measures.near_misses import NearMisses
+from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.saturation import Saturation
-from testbed.measures.solo_time import straight_s
-from testbed.records.run import MemorySink, Recorder, Run, Sink
+from testbed.measures.solo_time import solo_time
+from testbed.records.run import MemorySink, RowWriter, Run, Sink
 from testbed.records.store import RunWriter, load, staged
 from testbed.scenario import capacity
 from testbed.scenario.scenario import SCHEMA_VERSION, Scenario
 from testbed.simulation import termination
-from testbed.simulation.recorder import Watch
-from testbed.simulation.step_buffer import Stretch
+from testbed.simulation.recorder import Recorder
+from testbed.simulation.step_buffer import StepBuffer
 
 Progress = Callable[[float, float], None]
 # Gusts change within a long filter period: the air is asked at least so often [s].
@@ -102,31 +102,31 @@ class _Flight:
         except RuntimeError as error:  # no steady flight at the start, in this wind
             raise UserError(f"start: {error}") from None
         aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in self.parts.own() else []
-        approach = Approach(i.size, s.d_safe_m) if replay else None
-        tally = Tally(s.vehicles, Saturation(aircraft), approach)
-        tally.start(_position(start), goal, s.goal_radius_m)
-        recorder = Recorder(self.sink)
-        stretch = Stretch(s.vehicles, s.rates.fdm_steps)
+        near_misses = NearMisses(i.size, s.d_safe_m) if replay else None
+        statistics = RunStatistics(s.vehicles, Saturation(aircraft), near_misses)
+        statistics.start(_position(start), goal, s.goal_radius_m)
+        rows = RowWriter(self.sink)
+        buffer = StepBuffer(s.vehicles, s.rates.fdm_steps)
         periods = s.rates.filter_dt_s, s.rates.fdm_dt_s
         alpha, windy = catalogue.alpha(s), disturbance.windy
-        watch = Watch(stretch, tally, recorder, barrier, alpha, limits, *periods, windy)
+        recorder = Recorder(buffer, statistics, rows, barrier, alpha, limits, *periods, windy)
         filter_ = self.parts.filter(s, barrier, goal)
-        end = self._loop(plant, disturbance, filter_, barrier, limits, goal, watch)
-        recorder.close()
+        end = self._loop(plant, disturbance, filter_, barrier, limits, goal, recorder)
+        rows.close()
         straight = np.linalg.norm(goal - _position(start), axis=-1)
         nominal = self.parts.nominal(s, goal, barrier)
-        alone_s = straight_s(nominal, limits, _position(start), goal, s.goal_radius_m)
-        flown = guarantees.Flown(s, tally, i, j, started_safe, end, straight, alone_s)
+        solo_time_s = solo_time(nominal, limits, _position(start), goal, s.goal_radius_m)
+        flown = guarantees.Flown(s, statistics, i, j, started_safe, end, straight, solo_time_s)
         own = self.parts.own()
         # What a plant of one's own can fly steadily, nobody has said: that is no pass.
-        unknown = [f"nobody said whether {own['plant']} can fly it"] if "plant" in own else []
+        unknown = [f"unknown whether {own['plant']} can fly it"] if "plant" in own else []
         verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, aircraft))
         verdicts += guarantees.judge(flown)
-        if replay is not None and approach is not None and end is None:
-            approach.close()
-            when = manoeuvre.instants(s, approach, s.duration_s)
+        if replay is not None and near_misses is not None and end is None:
+            near_misses.close()
+            when = manoeuvre.instants(s, near_misses, s.duration_s)
             verdicts.append(manoeuvre.fly(s, replay.branch, disturbance.wind, barrier, limits, when, i, j))
-        manifest = _manifest(s, tally, end, aircraft) | ({"parts": own} if own else {})
+        manifest = _manifest(s, statistics, end, aircraft) | ({"parts": own} if own else {})
         if isinstance(filter_, Monitor):
             verdicts += guarantees.monitored(filter_.record, s.rates.filter_dt_s)
             manifest["qp_cost"] = {
@@ -144,10 +144,10 @@ class _Flight:
         barrier: Barrier,
         limits: Limits,
         goal: Array,
-        watch: Watch,
+        recorder: Recorder,
     ) -> str | None:
         """Fly to the end; returns why it ended early, or None."""
-        s, stretch = self.scenario, watch.stretch
+        s, buffer = self.scenario, recorder.buffer
         nominal = self.parts.nominal(s, goal, barrier)
         waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
         steps, dt, n = s.filter_steps, s.rates.filter_dt_s, s.rates.fdm_steps
@@ -161,16 +161,16 @@ class _Flight:
                 wanted = waiting.popleft()
                 decision = filter_(view, wanted, limits)
             except Exception as error:
-                end = f"{termination.raised('deciding', error)} at {t:.3f} s, the run ended there"
+                end = f"{termination.raised('deciding', error)} at {t:.3f} s; run stopped"
                 break
             # The step before, if recorded, needs to know what came of it.
             recorded, told = step % s.rates.record_steps == 0, recorded
             telemetry = plant.telemetry() if recorded or told else {}
             # The filter's own barrier values are the true ones only without disturbances and remedies.
             true = view.state is truth and getattr(filter_, "barrier", None) is barrier
-            if stretch.full:
-                watch.look()
-            stretch.add(t, truth, rates, air, wanted, decision, true, recorded, telemetry)
+            if buffer.full:
+                recorder.look()
+            buffer.add(t, truth, rates, air, wanted, decision, true, recorded, telemetry)
             if self.progress is not None:
                 self.progress(t, s.duration_s)
             if step == steps:
@@ -181,10 +181,10 @@ class _Flight:
             except Exception as error:
                 fault = termination.raised("flying", error)
             if fault is not None:
-                end = f"{fault} by {t + dt:.3f} s, the run ended there"
+                end = f"{fault} at {t + dt:.3f} s; run stopped"
                 break
-            stretch.move(track)
-        watch.close()
+            buffer.move(track)
+        recorder.close()
         return end
 
 
@@ -234,7 +234,9 @@ def _check_start(
     return False
 
 
-def _manifest(s: Scenario, tally: Tally, end: str | None, aircraft: Sequence[Airframe]) -> dict[str, Any]:
+def _manifest(
+    s: Scenario, statistics: RunStatistics, end: str | None, aircraft: Sequence[Airframe]
+) -> dict[str, Any]:
     return {
         "schema_version": SCHEMA_VERSION,
         "scenario": s.model_dump(mode="json"),
@@ -242,7 +244,7 @@ def _manifest(s: Scenario, tally: Tally, end: str | None, aircraft: Sequence[Air
         "versions": catalogue.versions(),
         "airframes": catalogue.airframe_hashes(s, aircraft),
         "ended_early": end,
-        "filter_steps": tally.filter_steps,
-        "worst_qp_residual": tally.worst_residual,
-        "override_share": (tally.override_steps / max(1, tally.filter_steps)).tolist(),
+        "filter_steps": statistics.filter_steps,
+        "worst_qp_residual": statistics.worst_residual,
+        "override_share": (statistics.override_steps / max(1, statistics.filter_steps)).tolist(),
     }

@@ -12,12 +12,12 @@ from filters.barriers.closed_form import Barrier, PairValues, all_pairs
 from filters.cbf.collision import Decision
 from filters.model import Array, Command, State
 
-# Numbers of one kind (pairs times FDM periods) that a stretch holds: more would leave the processor's cache.
+# Numbers of one kind (pairs times FDM periods) that a buffer holds: more would leave the processor's cache.
 NUMBERS = 20_000
 MOST_STEPS = 256
 
 
-class Stretch:
+class StepBuffer:
     """Up to `size` filter steps of N vehicles and their P pairs.
 
     The first `count` are filled in; those from `seen` on are new, and `moved` of them have flown on.

@@ -69,7 +69,7 @@ def _end(run: Recorded) -> Finding:
     due = round(s["duration_s"] / dt) + 1
     wrong = []
     if run.ended:
-        told = re.search(r"(?:by|at) ([\d.]+) s, the run ended there", run.ended)
+        told = re.search(r"(?:at|by) ([\d.]+) s(?:; run stopped|, the run ended there)", run.ended)
         if told is None:
             wrong.append("no time of the end is given")
         else:

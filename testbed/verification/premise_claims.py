@@ -68,7 +68,7 @@ def _flyable(judge: Judge, pairs: Pairs | None) -> Finding:
         return judge.done("one a pair")
     if "plant" in run.parts:
         judge.expect("verdict", e["verdict"], PREMISE)
-        return judge.done("nobody said")
+        return judge.done("unknown")
     if s["plant"] != "jsbsim":
         judge.expect("verdict", e["verdict"], judge.verdict(True))
         return judge.done("flies all of U")

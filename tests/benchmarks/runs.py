@@ -11,12 +11,12 @@ from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.kinematic import KinematicFleet
 from benchmarks.clock import BareStep, Shares, clock, flight, in_turn
 from filters.cbf.collision import CollisionFilter
-from testbed.records.run import Recorder
+from testbed.records.run import RowWriter
 from testbed.scenario import scenario
 from testbed.scenario.scenario import Scenario
 from testbed.simulation import simulate
-from testbed.simulation.recorder import Watch
-from testbed.simulation.step_buffer import Stretch
+from testbed.simulation.recorder import Recorder
+from testbed.simulation.step_buffer import StepBuffer
 
 X8 = ["plant=jsbsim", "duration_s=20", "record_dt_s=0.05", "lookahead_m=10", "manoeuvre_instants=0"]
 
@@ -83,9 +83,9 @@ def _parts(s: Scenario) -> dict[str, float]:
         FDM=(KinematicFleet if s.plant == "unicycle" else JsbsimFleet, "step"),
         barrier=(CollisionFilter, "rows"),
         QP=(CollisionFilter, "__call__"),
-        recording=(Watch, "look"),
-        gathering=(Stretch, "add"),
-        writing=(Recorder, "close"),
+        recording=(Recorder, "look"),
+        gathering=(StepBuffer, "add"),
+        writing=(RowWriter, "close"),
     ):
         simulate.run(s, force=True, progress=lambda t, end: stamps.append(clock()))
         whole = clock() - stamps[0]

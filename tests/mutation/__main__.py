@@ -59,7 +59,7 @@ TESTS = [
         "lags",
         "monitor",
     ),
-    *("navigation", "qp", "qp_solvers", "robust", "robust_scenario", "rollout", "sensing", "stretch"),
+    *("navigation", "qp", "qp_solvers", "robust", "robust_scenario", "rollout", "sensing", "step_buffer"),
     *("unicycle", "verification"),
 ]
 THIRD_PARTY = (
