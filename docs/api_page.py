@@ -10,7 +10,7 @@ from typing import Any
 
 import testbed
 from aircraft import airframe, plant
-from filters.cbf import collision
+from filters import filter as filters_
 from testbed.components import guidance
 from testbed.environment import disturbance
 from testbed.records import run
@@ -48,7 +48,7 @@ For hundreds of runs use `testbed campaign run`: it flies them in parallel and g
 Mistakes are raised as `testbed.UserError`, in one line. The fields of a scenario are in
 [scenarios.md](scenarios.md).
 """
-PROTOCOLS = (plant.Plant, collision.Filter, guidance.Guidance, disturbance.Disturbance)
+PROTOCOLS = (plant.Plant, filters_.Filter, guidance.Guidance, disturbance.Disturbance)
 FUNCTIONS = (airframe.load, airframe.copy)
 TABLES = {
     "run.vehicles": run.VEHICLE_COLUMNS,
@@ -67,7 +67,7 @@ def markdown() -> str:
     for title, columns in TABLES.items():
         parts += [f"### {title}", _columns(columns)]
     parts += ["## The seams", "A part of your own has these methods; see [extend.md](extend.md)."]
-    for seam in (*PROTOCOLS, collision.Decision):
+    for seam in (*PROTOCOLS, filters_.Decision):
         parts += _entry(f"{seam.__module__}.{seam.__name__}", seam)
     parts.append("## Airframes")
     for thing in FUNCTIONS:

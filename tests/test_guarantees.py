@@ -8,7 +8,8 @@ import pytest
 from aircraft.airframe import load as load_airframe
 from aircraft.kinematic import KinematicFleet
 from filters.barriers.closed_form import EuclideanBarrier, TurnBarrier
-from filters.cbf.theorem_monitor import MonitorRecord
+from filters.cbf.theorem_monitor import theorem_checks
+from filters.filter import MonitorRecord
 from filters.model import Command, Limits, State
 from testbed.claims.guarantees import Flown, judge, monitored
 from testbed.claims.premises import premises
@@ -334,7 +335,7 @@ def test_the_intervention_is_the_worst_vehicles_share_of_time_and_what_was_alter
 
 
 def test_a_monitors_failed_premise_voids_and_its_failed_conclusion_violates() -> None:
-    record = MonitorRecord()
+    record = MonitorRecord(checks=theorem_checks())
     see = record.checks
     two = np.array([0, 1]), np.array([2, 2])
     see["solvable"].see(10, np.array([0.0]))

@@ -10,7 +10,7 @@ import pytest
 
 from aircraft.airframe import load as load_airframe
 from filters.barriers.closed_form import TurnBarrier
-from filters.cbf.collision import Decision, Filter
+from filters.filter import Choose, Decision
 from filters.model import Command, Limits, State, View
 from filters.qp.single import Status
 from testbed.components import catalogue
@@ -256,7 +256,7 @@ def test_the_limited_qp_implies_the_centralised_rows() -> None:
 class Forgetful:
     """Solves its QPs and flies the nominal input all the same."""
 
-    def __init__(self, inner: Filter) -> None:
+    def __init__(self, inner: Choose) -> None:
         self.inner = inner
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:

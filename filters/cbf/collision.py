@@ -10,49 +10,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from filters.barriers.pairs import Barrier, PairValues
-from filters.cbf.constraints import Alpha, PerPair, Rows, barrier_rows, limited_rows, observed_rows, shares
+from filters.cbf.constraints import PerPair, Rows, barrier_rows, limited_rows, observed_rows, shares
 from filters.cbf.problem import Problem, manoeuvre
+from filters.constraints import Alpha, Constraints, Margin
+from filters.filter import Decision, Declaration
 from filters.model import Array, Command, Limits, View
 from filters.qp import single
 from filters.qp.single import Status
-from filters.wrappers.row_margins import Margin
 
 # Smallest change of a command that counts as the filter's doing [m/s, rad/s, m/s]; QPs are solved to 1e-9.
 OVERRIDE = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """What a filter chose and why.
-
-    command         (N,) inside the limits exactly
-    status          (N,) `qp.Status` of the QP behind each vehicle's command
-    residual        (N,) largest violation [m/s] over all rows of its QP the vehicle is in, dropped or not
-    override        (N,) whether the filter changed the command beyond what the limits force
-    deviation       (N,) |u - clip(u_hat)|_inf: what the filter changed beyond what the limits force
-    pairs           the filter's own h over all pairs, None if it has none
-    hdot_predicted  (P,) L_g h u [m/s] of those pairs under the chosen commands
-    """
-
-    command: Command
-    status: NDArray[np.int_]
-    residual: Array
-    override: NDArray[np.bool_]
-    deviation: Array
-    pairs: PairValues | None
-    hdot_predicted: Array
-
-
-class Filter(Protocol):
-    """What to fly instead of `nominal`, given what each vehicle sees."""
-
-    def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision: ...
 
 
 @dataclass(frozen=True)
@@ -63,6 +36,11 @@ class Passthrough:
         problem = Problem(*input_set(view, nominal, limits))
         none = np.zeros(len(problem.target))
         return decision(problem, problem.clipped, none.astype(int), none, None, np.zeros(0))
+
+    @property
+    def declaration(self) -> Declaration:
+        """Nothing: it constrains no command."""
+        return Declaration()
 
 
 class CollisionFilter:
@@ -109,6 +87,14 @@ class CollisionFilter:
     def rows(self, view: View) -> Rows:
         """The paper's rows of all pairs, without margin, from what each vehicle knows of itself."""
         return barrier_rows(self.barrier, self.alpha, view.own().state)
+
+    @property
+    def declaration(self) -> Declaration:
+        """Its barrier, its rows and alpha; it is the paper's filter."""
+        return Declaration(self.barrier, self._constraints, self.alpha, solves_qp=True, paper=True)
+
+    def _constraints(self, view: View) -> tuple[Constraints, ...]:
+        return (self.rows(view).constraints(),)
 
     def gamma(self, n: int) -> Array | None:
         """The shared evading manoeuvre (N, 3), or None if the barrier has none; read-only."""

@@ -6,7 +6,6 @@ One row per pair, L_g h_i u_i + L_g h_j u_j >= -alpha(h), because L_f h = 0 for 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -15,10 +14,8 @@ from numpy import vdot
 from numpy.typing import NDArray
 
 from filters.barriers.pairs import Barrier, Index, PairValues, chosen_pairs, vehicle_of
+from filters.constraints import Alpha, Constraints, Margin, dot, taken
 from filters.model import Array, Command, State, View
-from filters.wrappers.row_margins import Margin
-
-Alpha = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +34,10 @@ class Rows:
     lie_j: Array
     rhs: Array
     pairs: PairValues
+
+    def constraints(self) -> Constraints:
+        """The same rows as `Constraints` over two vehicles."""
+        return Constraints((self.i, self.j), (self.lie_i, self.lie_j), self.pairs.h, self.rhs)
 
     def left(self, u: Array) -> Array:
         """L_g h u (P,) of inputs u (N, 3)."""
@@ -77,18 +78,6 @@ def _amount(margin: Margin, lie: Array) -> Array:
     if amount.shape != lie.shape[:1] or not np.all(np.isfinite(amount) & (amount >= 0)):
         raise ValueError(f"a margin must be finite and not negative, one per row, got {amount}")
     return amount
-
-
-def taken(values: Array, index: NDArray[np.intp]) -> Array:
-    """values[index] (R, 3) of values (N, 3), laid out column by column as `PairValues.lie` is."""
-    return values.T.take(index, axis=1).T
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Row-wise inner products (R,) of (R, 3) and (R, 3)."""
-    # Column by column: numpy's reductions over a last axis of 3 cost several times as much.
-    x, y, z = (a * b).T
-    return x + y + z  # type: ignore[no-any-return]
 
 
 def least(lie: Array, lower: Array, upper: Array) -> Array:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from filters.cbf.collision import CollisionFilter, Decision, Problem, input_set
+from filters.cbf.collision import CollisionFilter, Problem, input_set
 from filters.cbf.constraints import OwnRows, Rows, limited_rows, shares
+from filters.filter import Check, Decision, Declaration, MonitorRecord
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 
@@ -17,42 +18,7 @@ ACTIVE = 1e-6
 SHORTFALL = 1e-6
 
 
-@dataclass
-class Check:
-    """One claim about a number that must not fall below `least`, over all steps.
-
-    checked, failed  how often it was looked at and how often the number was below `least`
-    worst            the smallest number; inf if it was never looked at
-    worst_at, first  (step from 0, vehicles from 1) of the smallest and of the first below `least`
-    """
-
-    claim: str
-    least: float
-    checked: int = 0
-    failed: int = 0
-    worst: float = float("inf")
-    worst_at: tuple[int, tuple[int, ...]] | None = None
-    first: tuple[int, tuple[int, ...]] | None = None
-
-    def see(self, step: int, numbers: Array, *vehicles: NDArray[np.intp]) -> None:
-        """Count `numbers` (R,), each about the vehicles (R,), from 0, of the same place."""
-        if numbers.size == 0:
-            return
-        below = np.flatnonzero(~(numbers >= self.least))
-        self.checked += numbers.size
-        self.failed += below.size
-
-        def at(r: int) -> tuple[int, tuple[int, ...]]:
-            return step, tuple(int(v[r]) + 1 for v in vehicles)
-
-        if below.size and self.first is None:
-            self.first = at(int(below[0]))
-        r = int(np.nanargmin(numbers)) if not np.isnan(numbers).all() else 0
-        if numbers[r] < self.worst:
-            self.worst, self.worst_at = float(numbers[r]), at(r)
-
-
-def _checks() -> dict[str, Check]:
+def theorem_checks() -> dict[str, Check]:
     return {
         "limited_is_safe": Check(
             "limited-communication inputs satisfy the centralised rows [m/s]", -SHORTFALL
@@ -70,22 +36,6 @@ def _checks() -> dict[str, Check]:
     }
 
 
-@dataclass
-class MonitorRecord:
-    """What a Monitor has seen.
-
-    steps         filter steps so far
-    checks        name -> Check
-    cost, cost_limited  sums of |u - u_hat|^2 of the two QPs over the `compared` steps where both were solved
-    """
-
-    steps: int = 0
-    compared: int = 0
-    cost: float = 0.0
-    cost_limited: float = 0.0
-    checks: dict[str, Check] = field(default_factory=_checks)
-
-
 class Monitor:
     """A CollisionFilter that also keeps a record of the theorems' premises and conclusions.
 
@@ -100,7 +50,7 @@ class Monitor:
 
     def __init__(self, filter: CollisionFilter, boundary: float = 0.05) -> None:
         self.filter, self.boundary = filter, boundary
-        self.record = MonitorRecord()
+        self.record = MonitorRecord(checks=theorem_checks())
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
         decision = self.filter(view, nominal, limits)
@@ -108,6 +58,11 @@ class Monitor:
         self._watch(self.filter.rows(view), problem)
         self.record.steps += 1
         return decision
+
+    @property
+    def declaration(self) -> Declaration:
+        """That of the filter it watches, with the record."""
+        return replace(self.filter.declaration, record=self.record)
 
     def _watch(self, rows: Rows, problem: Problem) -> None:
         step, see = self.record.steps, self.record.checks

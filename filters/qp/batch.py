@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from filters.cbf.constraints import dot, taken
+from filters.constraints import dot, taken
 from filters.qp import active_set, single
 from filters.qp.infeasibility import impossible
 from filters.qp.single import Solver, Status

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from filters.cbf.collision import Decision, Problem, decision, input_set
+from filters.cbf.collision import Problem, decision, input_set
+from filters.filter import Decision, Declaration
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 
@@ -89,6 +90,11 @@ class NavigationFilter:
         wanted = np.stack([np.full(n, self.speed), omega, problem.target[:, 2]], axis=-1)
         u = np.minimum(np.maximum(wanted, problem.lower), problem.upper)
         return decision(problem, u, np.full(n, int(Status.NONE)), np.zeros(n), None, np.zeros(0))
+
+    @property
+    def declaration(self) -> Declaration:
+        """Nothing: it has no barrier and solves no QP."""
+        return Declaration()
 
     def gradient(self, view: View) -> Complex:
         """The direction (N,), east + 1j north, that each vehicle flies away from: grad V and the swirl."""

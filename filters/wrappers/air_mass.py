@@ -8,12 +8,13 @@ keep their meaning, and the barrier's turn is one that aircraft fly in any stead
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from filters.cbf.collision import Decision, Filter, Problem, decision, input_set
+from filters.cbf.collision import Problem, decision, input_set
+from filters.filter import Choose, Decision, Declaration, declaration
 from filters.model import Array, Command, Limits, State, View
 
 
@@ -39,7 +40,7 @@ class AirMass:
     the wind across leaves possible becomes the slowest that is.
     """
 
-    filter: Filter
+    filter: Choose
     wind: ArrayLike | Callable[[View], ArrayLike]
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
@@ -66,6 +67,15 @@ class AirMass:
             chosen.pairs,
             chosen.hdot_predicted,
         )
+
+    @property
+    def declaration(self) -> Declaration:
+        """That of the wrapped filter, without barrier and constraints.
+
+        Its h is that of courses relative to the air, and its rows bind airspeeds, not the commands over the
+        ground.
+        """
+        return replace(declaration(self.filter), barrier=None, constraints=None)
 
     def _wind(self, view: View, limits: Limits) -> complex:
         value = np.asarray(self.wind(view) if callable(self.wind) else self.wind, dtype=float)

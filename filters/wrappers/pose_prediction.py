@@ -8,12 +8,13 @@ filter's h is that of the predicted pose, never the true one.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from filters.cbf.collision import Decision, Filter
+from filters.constraints import Constraints
+from filters.filter import Choose, Decision, Declaration, declaration
 from filters.model import Command, Limits, State, View, step
 
 Pose = Callable[[State, Command], State]
@@ -27,16 +28,31 @@ TAIL = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 7.0, 9.0, 12.0, 16.0, 20.0])
 
 @dataclass(frozen=True)
 class Predicted:
-    """`filter`, seeing the poses that `pose` makes of the measured ones and their rates.
+    """`filter`, seeing the poses that `pose` makes of the measured ones and their rates."""
 
-    Deliberately without the wrapped filter's `barrier`: its values are not those of the true pose.
-    """
-
-    filter: Filter
+    filter: Choose
     pose: Pose
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
-        return self.filter(View(self.pose(view.state, view.rates), view.rates), nominal, limits)
+        return self.filter(self._ahead(view), nominal, limits)
+
+    @property
+    def declaration(self) -> Declaration:
+        """The wrapped filter's, with its constraints at the predicted poses and without its barrier.
+
+        The h of its decisions is that of the predicted poses, not of those it was shown.
+        """
+        inner = declaration(self.filter)
+        rows = inner.constraints
+
+        def constraints(view: View) -> tuple[Constraints, ...]:
+            assert rows is not None
+            return rows(self._ahead(view))
+
+        return replace(inner, barrier=None, constraints=None if rows is None else constraints)
+
+    def _ahead(self, view: View) -> View:
+        return View(self.pose(view.state, view.rates), view.rates)
 
 
 @dataclass(frozen=True)

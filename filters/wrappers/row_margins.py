@@ -8,15 +8,12 @@ where the paper's has a solution (gamma satisfies the plain rows only); the stat
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from filters.constraints import Margin
 from filters.model import Array
-
-Margin = Callable[[Array], Array]
-"""L_g h of one side (R, 3) over (v, omega, zeta) -> what its row is raised by (R,), finite and >= 0."""
 
 
 @dataclass(frozen=True)

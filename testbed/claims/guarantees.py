@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from filters.cbf.theorem_monitor import MonitorRecord
+from filters.filter import MonitorRecord
 from testbed.claims.verdict import HOLDS, PREMISE, VIOLATED, Entry, at_pair, decide, entry
 from testbed.measures.run_statistics import RunStatistics
 from testbed.scenario.scenario import Scenario

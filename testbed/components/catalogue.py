@@ -22,9 +22,10 @@ from filters.barriers.closed_form import (
     StraightBarrier,
     TurnBarrier,
 )
-from filters.cbf.collision import CollisionFilter, Filter, Passthrough
+from filters.cbf.collision import CollisionFilter, Passthrough
 from filters.cbf.constraints import PerPair
 from filters.cbf.theorem_monitor import Monitor
+from filters.filter import Filter
 from filters.model import Array, Command, Limits
 from testbed.components import remedies
 from testbed.components.guidance import Constant, Guidance, NearIdentity

@@ -9,7 +9,7 @@ import numpy as np
 
 from aircraft.plant import Plant
 from filters.barriers.closed_form import Barrier
-from filters.cbf.collision import Filter
+from filters.filter import Choose
 from filters.model import Array
 from testbed.components import catalogue
 from testbed.components.guidance import Guidance
@@ -23,14 +23,14 @@ class Parts:
 
     plant        (scenario, wind (N, 3) m/s at the start) -> `aircraft.plant.Plant`; twice where the
                  evading manoeuvre is flown as well
-    filter       (scenario, barrier, goal (N, 3) m) -> `filters.cbf.collision.Filter`
+    filter       (scenario, barrier, goal (N, 3) m) -> `filters.filter.Filter`, or any callable
     nominal      (scenario, goal (N, 3) m, barrier) -> `testbed.components.guidance.Guidance`
     disturbance  (scenario, generators by name) -> `testbed.environment.disturbance.Disturbance`
     A scenario file cannot name code: parts of one's own come from Python alone.
     """
 
     plant: Callable[[Scenario, Array], Plant] = catalogue.plant
-    filter: Callable[[Scenario, Barrier, Array], Filter] = catalogue.filter_
+    filter: Callable[[Scenario, Barrier, Array], Choose] = catalogue.filter_
     nominal: Callable[[Scenario, Array, Barrier], Guidance] = catalogue.nominal
     disturbance: Callable[[Scenario, dict[str, np.random.Generator]], Disturbance] = catalogue.disturbance
 

@@ -11,10 +11,11 @@ import numpy as np
 from aircraft.airframe import Airframe, Channel
 from aircraft.kinematic import Lag
 from filters.barriers.closed_form import Barrier
-from filters.cbf.collision import Filter
+from filters.constraints import Margin
+from filters.filter import Filter
 from filters.wrappers.air_mass import AirMass
 from filters.wrappers.pose_prediction import Horizon, LaggedPose, Predicted
-from filters.wrappers.row_margins import BoundedError, InputToState, Margin, Sum
+from filters.wrappers.row_margins import BoundedError, InputToState, Sum
 from testbed.errors import UserError
 from testbed.scenario.scenario import Scenario
 

@@ -15,8 +15,7 @@ from aircraft.airframe import Airframe
 from aircraft.plant import Plant
 from aircraft.replay import Replay
 from filters.barriers.closed_form import Barrier, all_pairs
-from filters.cbf.collision import Filter
-from filters.cbf.theorem_monitor import Monitor
+from filters.filter import Choose, declaration
 from filters.model import Array, Command, Limits, State
 from testbed.claims import guarantees, manoeuvre
 from testbed.claims.flyable import unflyable
@@ -127,12 +126,13 @@ class _Flight:
             when = manoeuvre.instants(s, near_misses, s.duration_s)
             verdicts.append(manoeuvre.fly(s, replay.branch, disturbance.wind, barrier, limits, when, i, j))
         manifest = _manifest(s, statistics, end, aircraft) | ({"parts": own} if own else {})
-        if isinstance(filter_, Monitor):
-            verdicts += guarantees.monitored(filter_.record, s.rates.filter_dt_s)
+        record = declaration(filter_).record
+        if record is not None:
+            verdicts += guarantees.monitored(record, s.rates.filter_dt_s)
             manifest["qp_cost"] = {
-                "steps": filter_.record.compared,
-                "centralised": filter_.record.cost,
-                "limited": filter_.record.cost_limited,
+                "steps": record.compared,
+                "centralised": record.cost,
+                "limited": record.cost_limited,
             }
         return Run(manifest, termination.void(verdicts, end), {"wall_s": time.perf_counter() - began})
 
@@ -140,7 +140,7 @@ class _Flight:
         self,
         plant: Plant,
         disturbance: Disturbance,
-        filter_: Filter,
+        filter_: Choose,
         barrier: Barrier,
         limits: Limits,
         goal: Array,
@@ -151,7 +151,7 @@ class _Flight:
         nominal = self.parts.nominal(s, goal, barrier)
         waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
         steps, dt, n = s.filter_steps, s.rates.filter_dt_s, s.rates.fdm_steps
-        recorded, end = False, None
+        recorded, end, own = False, None, declaration(filter_).barrier
         for step in range(steps + 1):
             t = step * dt
             truth, rates = plant.state(), plant.achieved()
@@ -167,7 +167,7 @@ class _Flight:
             recorded, told = step % s.rates.record_steps == 0, recorded
             telemetry = plant.telemetry() if recorded or told else {}
             # The filter's own barrier values are the true ones only without disturbances and remedies.
-            true = view.state is truth and getattr(filter_, "barrier", None) is barrier
+            true = view.state is truth and own is barrier
             if buffer.full:
                 recorder.look()
             buffer.add(t, truth, rates, air, wanted, decision, true, recorded, telemetry)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from filters.barriers.closed_form import Barrier, PairValues, all_pairs
-from filters.cbf.collision import Decision
+from filters.filter import Decision
 from filters.model import Array, Command, State
 
 # Numbers of one kind (pairs times FDM periods) that a buffer holds: more would leave the processor's cache.

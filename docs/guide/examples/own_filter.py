@@ -6,7 +6,7 @@ python docs/guide/examples/own_filter.py
 import numpy as np
 
 import testbed
-from filters.cbf.collision import Decision
+from filters.filter import Decision
 from filters.model import Command
 
 NEAR_M = 60.0
