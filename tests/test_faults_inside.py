@@ -20,7 +20,9 @@ from aircraft.kinematic import KinematicFleet
 from filters.model import Array, Command
 from filters.qp.single import Status
 from testbed.components import catalogue
+from testbed.records.checksums import plain
 from testbed.records.run import Run
+from testbed.records.verdict import Kind
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
 
@@ -32,10 +34,10 @@ def broken(result: Run, who: str, what: str) -> None:
     """The run ended early, the record says why, and nothing holds but premises."""
     end = result.manifest["ended_early"]
     assert end is not None and end.startswith(who) and what in end and end.endswith("; run stopped")
-    verdicts = {g["id"]: g["verdict"] for g in result.guarantees if not g["number"].startswith("P")}
+    verdicts = {g["id"]: g.status for g in result.guarantees if g.kind is not Kind.PREMISE}
     assert verdicts and "holds" not in verdicts.values(), verdicts
     assert end in {g["why"] for g in result.guarantees}
-    json.dumps(result.guarantees, allow_nan=False, default=str)
+    json.dumps(plain(result.guarantees), allow_nan=False)
     for name in ("x_m", "y_m", "z_m", "v_command_mps"):
         assert np.isfinite(result.vehicles[name]).all()
 

@@ -42,7 +42,7 @@ def test_the_ends_of_the_ranges_are_flown(tmp_path: Path, what: str) -> None:
     wanted = ["x_m", "y_m", "v_mps", "omega_command_radps"]
     for table, names in ((result.vehicles, wanted), (result.pairs, ["h_m"])):
         assert np.isfinite(table[names].to_numpy(dtype=float)).all()
-    json.dumps(result.guarantees, allow_nan=False)
+    json.dumps([v.to_json() for v in result.guarantees], allow_nan=False)
 
 
 def test_an_hour_at_the_papers_period_is_accepted() -> None:

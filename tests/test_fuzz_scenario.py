@@ -76,7 +76,7 @@ def sound(s: Scenario) -> None:
     for name, values in vehicles.items():
         assert values.dtype.kind != "f" or np.isfinite(values).all(), name
     assert not pairs or (np.isfinite(pairs["h_m"]).all() and np.isfinite(pairs["distance_m"]).all())
-    json.dumps(result.guarantees)
+    json.dumps([v.to_json() for v in result.guarantees])
 
 
 def answer(file: Path) -> str:

@@ -11,12 +11,13 @@ from filters.barriers.closed_form import EuclideanBarrier, TurnBarrier
 from filters.cbf.theorem_monitor import theorem_checks
 from filters.filter import MonitorRecord
 from filters.model import Command, Limits, State
-from testbed.claims.guarantees import Flown, judge, monitored
+from testbed.claims.guarantees import Flown, judge
+from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
-from testbed.claims.verdict import Entry
 from testbed.components import catalogue
 from testbed.measures.run_statistics import Extreme, RunStatistics
 from testbed.measures.saturation import Saturation
+from testbed.records.verdict import Kind, Verdict
 from testbed.scenario.scenario import Scenario, load
 from testbed.simulation.simulate import run
 
@@ -70,7 +71,7 @@ def test_a_vehicle_lost_ends_the_run_and_nothing_holds(monkeypatch: pytest.Monke
     monkeypatch.setitem(catalogue.PLANTS, "unicycle", lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
     result = run(load("paper-2-turn"))
     assert result.manifest["ended_early"] == "vehicle 2: ground at 0.500 s; run stopped"
-    assert "holds" not in {g["verdict"] for g in result.guarantees if g["number"].startswith("G")}
+    assert "holds" not in {g["verdict"] for g in result.guarantees if g.kind is Kind.GUARANTEE}
     assert result.guarantee("separation")["why"] == result.manifest["ended_early"]
 
 
@@ -88,7 +89,7 @@ def flown(
 
 def judged(
     statistics: RunStatistics, *overrides: str, started_safe: bool = True, end: str | None = None
-) -> dict[str, Entry]:
+) -> dict[str, Verdict]:
     return {
         g["id"]: g for g in judge(flown(statistics, load("paper-2-turn", list(overrides)), started_safe, end))
     }
@@ -342,7 +343,9 @@ def test_a_monitors_failed_premise_voids_and_its_failed_conclusion_violates() ->
     see["limited_is_safe"].see(10, np.array([0.5, 0.25]), *two)
     for name in ("aligned", "aligned_limited", "gradient"):
         see[name].see(20, np.array([0.5, -0.25]), *two)
-    found = {e["id"]: e for e in monitored(record, 0.05)}
+    found = {
+        e["id"]: e for e in monitored(record, load("paper-2-turn", ["filter_dt_s=0.05", "record_dt_s=0.05"]))
+    }
     assert len(found) == 9 and {e["number"] for e in found.values()} == {"M"}
     assert {e["source"] for e in found.values()} == {"Theorems 3 and 4"}
     assert {e["quantity"] for e in found.values()} == {"smallest seen"}

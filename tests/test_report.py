@@ -16,9 +16,11 @@ import pandas as pd
 import pytest
 
 from aircraft.kinematic import KinematicFleet
+from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
 from testbed.errors import UserError
 from testbed.records.run import Run
+from testbed.records.verdict import Status
 from testbed.report import blocks, page, playback, run_part, scorecard
 from testbed.report.blocks import Part, Section, Table
 from testbed.report.style import style
@@ -240,15 +242,10 @@ def test_the_manoeuvre_in_the_player_is_the_barriers(fields: tuple[str, ...], ki
 
 
 def fact(value: float | None, verdict: str) -> scorecard.Fact:
-    entry = {
-        "id": "separation",
-        "verdict": verdict,
-        "value": value,
-        "bound": 5.0,
-        "t_s": 1.0,
-        "vehicles": [1, 2],
-    }
-    return scorecard.fact(verdict, Run({"ended_early": None}, [entry | {"why": "nobody"}], {}))
+    said = SEPARATION.unjudged("root", 20.0).but(
+        value=value, bound=5.0, instant=1.0, vehicles=(1, 2), status=Status(verdict), why="nobody"
+    )
+    return scorecard.fact(verdict, Run({"ended_early": None}, [said], {}))
 
 
 def test_the_headline_never_hides_a_loss() -> None:

@@ -56,7 +56,7 @@ def test_recording_sparsely_loses_no_minimum(tmp_path: Path) -> None:
 def test_in_memory_and_written_runs_agree(tmp_path: Path) -> None:
     s = load("paper-2-turn", SHORT)
     kept, written = run(s), run(s, tmp_path / "r")
-    assert kept.guarantees == json.loads(json.dumps(written.guarantees))
+    assert kept.guarantees == written.guarantees
     assert kept.vehicles.equals(written.vehicles)
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from testbed.campaigns.identity import code_id
-from testbed.claims.verdict import HOLDS
 from testbed.errors import UserError, short
+from testbed.records.checksums import plain
 from testbed.records.run import Run
-from testbed.records.store import plain
+from testbed.records.verdict import Status
 from testbed.scenario.scenario import Scenario, parse
 from testbed.simulation.simulate import run
 
@@ -65,7 +65,7 @@ def blank(status: str, reason: str) -> dict[str, Any]:
 
 
 def row(done: Run) -> dict[str, Any]:
-    found = {g["id"]: [_number(g["value"]), g["verdict"]] for g in done.guarantees}
+    found = {g.id: [_number(g.value), g["verdict"]] for g in done.guarantees}
     return {
         "status": FLOWN,
         "reason": None,
@@ -76,7 +76,7 @@ def row(done: Run) -> dict[str, Any]:
 
 def lost(result: dict[str, Any], guarantee: str) -> bool:
     """Whether a run did not keep the guarantee: one that is missing, void or ended early did not."""
-    return bool(result["guarantees"].get(guarantee, [None, ""])[1] != HOLDS)
+    return bool(result["guarantees"].get(guarantee, [None, ""])[1] != Status.HOLDS)
 
 
 def _flown(s: Scenario, job: Job) -> Run:

@@ -1,7 +1,7 @@
-"""The evading manoeuvre itself: from instants along a run the vehicles really fly gamma.
+"""Judges G9: from instants along a run the vehicles really fly the evading manoeuvre gamma.
 
-h promises that from here on, if all fly gamma for ever, no pair comes closer than h says. That is the
-construct every theorem of the paper rests on; here it is flown, from branches of the recorded flight.
+h promises that if all fly gamma for ever from here on, no pair comes closer than h says. Every theorem of
+the paper rests on that; here it is flown, from branches of the recorded flight.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from aircraft.plant import Plant
 from filters.barriers.closed_form import Barrier
 from filters.model import Array, Limits, State
 from testbed.claims.guarantees import H_TOLERANCE_M
-from testbed.claims.verdict import PREMISE, Entry, decide, entry
+from testbed.claims.judging import decide, premise_not_met
+from testbed.claims.registry import MANOEUVRE_KEEPS_DS
 from testbed.measures.near_misses import NearMisses
+from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import Scenario
 
 # How often the air is asked and the plant stepped while gamma is flown [s].
@@ -52,8 +54,8 @@ def fly(
     when: list[float],
     i: np.ndarray,
     j: np.ndarray,
-) -> Entry:
-    """G9: one entry, its detail a row per instant.
+) -> Verdict:
+    """G9: one verdict, its detail a row per instant.
 
     branch  a plant at a time of the run
     wind    the air's motion (N, 3) m/s at a time and state
@@ -61,18 +63,11 @@ def fly(
             halfway between the worst instant so far and the worse of its neighbours
     i, j    vehicles of each pair, from 0
     """
-    e = entry(
-        "manoeuvre-keeps-Ds",
-        "G9",
-        "flown from a safe state, gamma keeps every pair Ds apart",
-        "eq. (9), Theorem 2",
-        "least distance while flying gamma",
-        "m",
-    )
+    v = MANOEUVRE_KEEPS_DS.unjudged(s.barrier.form, s.goal_radius_m)
     if not i.size:
-        return e | {"why": "no pair"}
+        return v.but(why="no pair")
     if not s.barrier.shared or s.barrier.kind == "euclidean":
-        return e | {"why": "the barrier has no one manoeuvre"}
+        return v.but(why="the barrier has no one manoeuvre")
     dt = s.rates.filter_dt_s
     rows: dict[int, dict[str, Any]] = {}
     waiting = [round(t / dt) for t in when]
@@ -84,16 +79,22 @@ def fly(
         h = barrier.values(plant.state()).h
         least, fault = _least_distance(s, plant, wind, barrier, limits, step * dt, i, j)
         rows[step] = _row(s, step * dt, h, least, i, j) | {"fault": fault}
-    e["detail"] = {"branches": [rows[step] for step in sorted(rows)]}
-    safe = [row for row in e["detail"]["branches"] if row["safe_pairs"]]
+    branches = [rows[step] for step in sorted(rows)]
+    v = v.but(detail={"branches": branches})
+    safe = [row for row in branches if row["safe_pairs"]]
     if not safe:
-        return e | {"verdict": PREMISE, "why": "no pair was in the safe set at any of these instants"}
+        return premise_not_met(v, "no pair was in the safe set at any of these instants")
     worst = min(safe, key=lambda row: row["least_m"])
     value, fault = worst["least_m"], next((row["fault"] for row in safe if row["fault"]), "")
-    e.update(value=value, bound=s.d_safe_m, margin=value - s.d_safe_m)
-    e.update(t_s=worst["t_s"], vehicles=worst["vehicles"])
-    e["why"] = fault or f"flown from h = {worst['h']:.2f}, which promises {worst['promised_m']:.2f} m"
-    return decide(e, value >= s.d_safe_m - H_TOLERANCE_M and not fault, None)
+    v = v.but(
+        value=value,
+        bound=s.d_safe_m,
+        margin=value - s.d_safe_m,
+        instant=worst["t_s"],
+        vehicles=tuple(worst["vehicles"]),
+        why=fault or f"flown from h = {worst['h']:.2f}, which promises {worst['promised_m']:.2f} m",
+    )
+    return decide(v, value >= s.d_safe_m - H_TOLERANCE_M and not fault, None)
 
 
 def _row(s: Scenario, t: float, h: Array, least: Array, i: np.ndarray, j: np.ndarray) -> dict[str, Any]:

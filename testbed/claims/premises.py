@@ -1,4 +1,4 @@
-"""The premises the paper's theorems rest on: whether a run met them."""
+"""Judges the premises of the paper's theorems, P1 to P6: whether a run met them."""
 
 from __future__ import annotations
 
@@ -6,84 +6,75 @@ import numpy as np
 
 from filters.barriers.closed_form import Barrier, TurnBarrier
 from filters.model import Command, Limits
+from testbed.claims import registry
 from testbed.claims.guarantees import QP_FILTERS, Flown
-from testbed.claims.verdict import Entry, at_pair, decide_premise, entry
+from testbed.claims.judging import at_pair, decide_premise
+from testbed.records.verdict import Verdict
+
+# |L_g h| that counts as zero.
+LEAST_GRADIENT = 1e-9
 
 
-def premises(f: Flown, barrier: Barrier, limits: Limits, unflyable: list[str]) -> list[Entry]:
-    """P1 to P6.
+def premises(f: Flown, barrier: Barrier, limits: Limits, unflyable: list[str]) -> list[Verdict]:
+    """P1 to P6, in the order of the registry.
 
     unflyable  why vehicles cannot fly gamma here, one sentence each; empty if all can
     """
     return [
-        _start(f),
-        _shared(f),
-        _inside(f, barrier, limits),
-        _flyable(f, unflyable),
-        _gradient(f),
-        _kink(f, barrier),
+        _start(f, f.unjudged(registry.START_SAFE)),
+        _shared(f, f.unjudged(registry.SHARED_MANOEUVRE)),
+        _inside(f, barrier, limits, f.unjudged(registry.MANOEUVRE_IN_U)),
+        _flyable(f, unflyable, f.unjudged(registry.MANOEUVRE_FLYABLE)),
+        _gradient(f, f.unjudged(registry.GRADIENT)),
+        _kink(f, barrier, f.unjudged(registry.OFF_THE_KINK)),
     ]
 
 
-def _start(f: Flown) -> Entry:
-    e = entry("start-safe", "P1", "the start is in the safe set", "Theorem 1", "h >= 0 at t = 0", "")
-    return decide_premise(e, f.started_safe, "" if f.started_safe else "h < 0 at the start")
+def _start(f: Flown, v: Verdict) -> Verdict:
+    return decide_premise(v, f.started_safe, "" if f.started_safe else "h < 0 at the start")
 
 
-def _shared(f: Flown) -> Entry:
-    e = entry("shared-manoeuvre", "P2", "all barriers share one manoeuvre", "Assumption 1", "", "")
+def _shared(f: Flown, v: Verdict) -> Verdict:
     shared = f.scenario.barrier.shared
-    return decide_premise(e, shared, "" if shared else "each pair has its own")
+    return decide_premise(v, shared, "" if shared else "each pair has its own")
 
 
-def _inside(f: Flown, barrier: Barrier, limits: Limits) -> Entry:
-    e = entry("manoeuvre-in-U", "P3", "gamma lies in the input set", "Theorem 2", "distance inside U", "")
+def _inside(f: Flown, barrier: Barrier, limits: Limits, v: Verdict) -> Verdict:
     gamma = _gamma(barrier, f.scenario.vehicles)
     if gamma is None:
-        return decide_premise(e, False, "there is no one manoeuvre")
+        return decide_premise(v, False, "there is no one manoeuvre")
     c, low, high = gamma.array(), limits.lower.array(), limits.upper.array()
     span = np.where(high > low, high - low, 1.0)
     margin = (np.minimum(c - low, high - c) / span).min(axis=-1)
     worst = int(np.argmin(margin))
-    e.update(value=float(margin[worst]), bound=0.0, margin=float(margin[worst]), vehicles=[worst + 1])
-    return decide_premise(
-        e, bool(margin[worst] >= 0.0), "gamma exceeds the limits" if margin[worst] < 0 else ""
-    )
+    least = float(margin[worst])
+    v = v.but(value=least, bound=0.0, margin=least, vehicles=(worst + 1,))
+    return decide_premise(v, least >= 0.0, "gamma exceeds the limits" if least < 0 else "")
 
 
-def _flyable(f: Flown, unflyable: list[str]) -> Entry:
-    e = entry("manoeuvre-flyable", "P4", "the vehicles can fly gamma for ever", "Theorem 2", "", "")
+def _flyable(f: Flown, unflyable: list[str], v: Verdict) -> Verdict:
     if not f.scenario.barrier.shared:
-        return decide_premise(e, False, "there is no one manoeuvre")
-    return decide_premise(e, not unflyable, "; ".join(unflyable))
+        return decide_premise(v, False, "there is no one manoeuvre")
+    return decide_premise(v, not unflyable, "; ".join(unflyable))
 
 
-def _gradient(f: Flown) -> Entry:
-    e = entry(
-        "gradient", "P5", "L_g h is not zero at the boundary", "Theorem 2, Proposition 1", "least |L_g h|", ""
-    )
-    if np.isnan(at_pair(e, f.statistics.gradient, f.i, f.j, 0.0)):
-        return e | {"why": "no pair came to the boundary"}
-    return decide_premise(e, e["value"] > 1e-9)
+def _gradient(f: Flown, v: Verdict) -> Verdict:
+    v = at_pair(v, f.statistics.gradient, f.i, f.j, 0.0)
+    if v.value is None:
+        return v.but(why="no pair came to the boundary")
+    return decide_premise(v, v.value > LEAST_GRADIENT)
 
 
-def _kink(f: Flown, barrier: Barrier) -> Entry:
-    e = entry(
-        "off-the-kink",
-        "P6",
-        "h is differentiable where it binds",
-        "Theorem 2, Appendix",
-        "filter steps' motion to the kink, least",
-        "",
-    )
+def _kink(f: Flown, barrier: Barrier, v: Verdict) -> Verdict:
     if not isinstance(barrier, TurnBarrier) or f.scenario.filter.kind not in QP_FILTERS:
-        return e | {"why": "no kink, or nothing binds"}
+        return v.but(why="no kink, or nothing binds")
     if barrier.smoothing > 0:
-        return decide_premise(e, True, "smoothed")
-    if np.isnan(at_pair(e, f.statistics.kink, f.i, f.j, 1.0)):
-        return e | {"why": "no row ever bound"}
-    holds = e["value"] >= 1.0
-    return decide_premise(e, holds, "" if holds else "one filter step can cross it")
+        return decide_premise(v, True, "smoothed")
+    v = at_pair(v, f.statistics.kink, f.i, f.j, 1.0)
+    if v.value is None:
+        return v.but(why="no row ever bound")
+    holds = v.value >= 1.0
+    return decide_premise(v, holds, "" if holds else "one filter step can cross it")
 
 
 def _gamma(barrier: Barrier, n: int) -> Command | None:

@@ -76,13 +76,14 @@ def run(
     as_json: JsonOption = False,
 ) -> None:
     """Fly one scenario on one plant, judge it, and write a run folder."""
+    from testbed.records.checksums import plain
     from testbed.report.tables import scorecard
 
     s = scenario_of(scenario, set_, seed, plant)
     where = out or Path("runs") / f"{s.name}-{s.plant}"
     result = fly_into(s, where, force, overwrite)
     if as_json:
-        print(json.dumps({"run": str(where), "guarantees": result.guarantees}, indent=2))
+        print(json.dumps({"run": str(where), "guarantees": plain(result.guarantees)}, indent=2))
         return
     show(scorecard({s.plant: result}, f"{s.name} on {s.plant}"))
     print(f"run folder: {where}")

@@ -17,6 +17,7 @@ import pandas as pd
 from aircraft.jsbsim.geodesy import Origin
 from testbed.export.events import Event, events
 from testbed.records.run import Run
+from testbed.records.verdict import Kind
 from testbed.report.tables import number
 
 HEADER = "FileType=text/acmi/tacview\nFileVersion=2.2\n"
@@ -65,10 +66,9 @@ def _globals(run: Run) -> Iterator[str]:
     s, origin = run.manifest["scenario"], Origin()
     title = f"{s['name']} on {run.manifest.get('parts', {}).get('plant', s['plant'])}"
     verdicts = [
-        f"{g['id']}: {g['verdict']}"
-        + ("" if g["value"] is None else f", {number(g['value'])} {g['unit']}".rstrip())
-        for g in run.guarantees
-        if g["number"].startswith("G")
+        f"{v.id}: {v.status}" + ("" if v.value is None else f", {number(v.value)} {v.unit}".rstrip())
+        for v in run.guarantees
+        if v.kind is Kind.GUARANTEE
     ]
     said = {
         "ReferenceTime": "2026-01-01T00:00:00Z",

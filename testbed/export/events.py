@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from testbed.claims.verdict import VIOLATED
+from testbed.claims.registry import SEPARATION
 from testbed.records.run import Run
+from testbed.records.verdict import Status, Verdict
 from testbed.report.tables import number
 
 NO_SOLUTION = ("infeasible", "iteration_limit")
@@ -34,7 +35,7 @@ def events(run: Run) -> list[Event]:
     instants at which a pair comes below Ds or leaves the safe set, or a QP loses its solution, are the first
     recorded ones.
     """
-    found = [_worst(g) for g in run.guarantees if g["t_s"] is not None and _told(g)]
+    found = [_worst(g) for g in run.guarantees if g.instant is not None and _told(g)]
     pairs, vehicles = run.pairs, run.vehicles
     d_safe = run.manifest["scenario"]["d_safe_m"]
     unit = "m" if run.manifest["scenario"]["barrier"]["form"] == "root" else "m^2"
@@ -53,13 +54,14 @@ def events(run: Run) -> list[Event]:
     return sorted(found, key=lambda e: (e.t_s, e.kind, e.vehicles))
 
 
-def _told(g: dict) -> bool:
-    return bool(g["verdict"] == VIOLATED or (g["id"] == "separation" and g["value"] is not None))
+def _told(v: Verdict) -> bool:
+    return v.status is Status.VIOLATED or (v.id == SEPARATION.id and v.value is not None)
 
 
-def _worst(g: dict) -> Event:
-    value = f"{g['quantity']} {number(g['value'])} {g['unit']}".rstrip()
-    return Event(float(g["t_s"]), g["id"], tuple(g["vehicles"]), f"{g['id']} {g['verdict']}: {value}")
+def _worst(v: Verdict) -> Event:
+    assert v.instant is not None and v.value is not None
+    value = f"{v.quantity} {number(v.value)} {v.unit}".rstrip()
+    return Event(float(v.instant), v.id, v.vehicles, f"{v.id} {v.status}: {value}")
 
 
 def _entered(table: pd.DataFrame, keys: list[str], inside: pd.Series) -> list:

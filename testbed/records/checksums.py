@@ -1,9 +1,10 @@
-"""JSON files that tell when they were changed: plain values, checksums, and reading what may be damaged."""
+"""Makes values plain for JSON, computes checksums, and reads JSON files that may be damaged."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from testbed.errors import UserError
 
 def plain(value: Any) -> Any:
     """`value` with numpy scalars and arrays as plain ones and non-finite numbers as None, for JSON."""
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {k: plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [plain(v) for v in value]

@@ -1,13 +1,16 @@
-"""A run and its columns: the name, unit and meaning of everything recorded."""
+"""Defines a finished run and the columns of its tables: name, unit and meaning of everything recorded."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+
+from testbed.records.verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +35,7 @@ VEHICLE_COLUMNS: dict[str, tuple[str, str]] = {
     "omega_command_radps": ("rad/s", "course rate commanded from this instant on"),
     "zeta_command_mps": ("m/s", "climb rate commanded from this instant on"),
     "override": ("", "the filter altered the nominal input"),
-    "qp_status": ("", "solved, infeasible, iteration_limit, or none where no QP stands above the vehicle"),
+    "qp_status": ("", "solved, infeasible, iteration_limit, or none where no QP was solved for it"),
 }
 AIRCRAFT_COLUMNS: dict[str, tuple[str, str]] = {
     "roll_rad": ("rad", "bank, right wing down positive"),
@@ -72,7 +75,7 @@ REALISED_COLUMNS = [name for name in PAIR_COLUMNS if name.startswith(("hdot_real
 
 
 class Sink(Protocol):
-    """Where tables go, block by block."""
+    """Takes tables block by block."""
 
     def write(self, table: str, columns: Columns) -> None: ...
 
@@ -93,13 +96,13 @@ class MemorySink:
         }
 
 
-# Rows of a table that are handed on at a time: some megabytes. What a step adds is kept as it comes until
-# then; of vehicles that is a few rows of many columns.
+# Rows of a table that are handed to the sink at a time: some megabytes. Until then each step's rows are kept
+# as they come; a vehicle's row has many columns, so fewer of them make a block.
 BLOCK_ROWS = {"vehicles": 16_384, "pairs": 65_536}
 
 
 class RowWriter:
-    """Gathers rows and hands them on in large blocks."""
+    """Gathers rows and hands them to a sink in large blocks."""
 
     def __init__(self, sink: Sink) -> None:
         self.sink = sink
@@ -128,27 +131,29 @@ class Run:
     """One finished run: settings, verdicts, tables.
 
     manifest    schema version, resolved scenario, seeds, package versions, airframe hashes
-    guarantees  one entry per claim: see `testbed.claims.guarantees`
+    guarantees  one verdict per claim, in the order of `testbed.claims.registry`
     timing      wall time; the only thing that differs between equal runs
+    path        folder that it was read from, if any
+    tables      name -> columns, of a run kept in memory
+    reader      name -> table, of a run whose tables are in files
     """
 
     manifest: dict[str, Any]
-    guarantees: list[dict[str, Any]]
+    guarantees: Sequence[Verdict]
     timing: dict[str, Any]
     path: Path | None = None
     tables: dict[str, Columns] = field(default_factory=dict)
+    reader: Callable[[str], pd.DataFrame] | None = None
 
     def _frame(self, name: str) -> pd.DataFrame:
         import pandas as pd
 
         if self.tables.get(name):
             return pd.DataFrame(self.tables[name])
-        if self.path is None or f"{name}.parquet" not in self.manifest.get("files", {}):
-            # one vehicle has no pairs, and no table of them
+        if self.reader is None or f"{name}.parquet" not in self.manifest.get("files", {}):
+            # A run of one vehicle has no pairs, and no table of them.
             return pd.DataFrame(columns=list(PAIR_COLUMNS), dtype=float)
-        from testbed.records.store import table
-
-        return table(self.path, name, self.manifest)
+        return self.reader(name)
 
     @cached_property
     def vehicles(self) -> pd.DataFrame:
@@ -166,12 +171,12 @@ class Run:
         import pandas as pd
 
         first = ["number", "claim", "verdict", "value", "unit", "bound", "margin", "t_s", "vehicles", "why"]
-        table = pd.DataFrame(self.guarantees).set_index("id")
+        table = pd.DataFrame([v.to_json() for v in self.guarantees]).set_index("id")
         return table[first + [c for c in table.columns if c not in first]]
 
-    def guarantee(self, name: str) -> dict[str, Any]:
-        """The entry with that id; KeyError if there is none."""
-        for entry in self.guarantees:
-            if entry["id"] == name:
-                return entry
+    def guarantee(self, name: str) -> Verdict:
+        """The verdict on the claim with that id; KeyError if there is none."""
+        for verdict in self.guarantees:
+            if verdict.id == name:
+                return verdict
         raise KeyError(name)

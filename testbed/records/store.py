@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import functools
 import json
 import os
 import shutil
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 from testbed.errors import UserError
 from testbed.records.checksums import plain, read_json, seal, sealed, sha256
 from testbed.records.run import Columns, Run
+from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import SCHEMA_VERSION
 
 if TYPE_CHECKING:
@@ -215,11 +217,20 @@ def load(path: str | Path) -> Run:
         if said.pop("sha256", None) != seal(said):
             raise UserError(f"{path / name} is damaged: it was changed after the run; run it again")
     _check(path, GUARANTEES, manifest)
-    return Run(manifest, read_json(path / GUARANTEES, list), timing, path)
+    verdicts = read_verdicts(path / GUARANTEES)
+    return Run(manifest, verdicts, timing, path, reader=functools.partial(table, path, manifest=manifest))
+
+
+def read_verdicts(file: Path) -> list[Verdict]:
+    """The verdicts in a run's guarantees.json; UserError if it holds anything else."""
+    try:
+        return [Verdict.from_json(entry) for entry in read_json(file, list)]
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise UserError(f"{file} holds no verdicts of this program: {error}; run it again") from None
 
 
 def table(path: Path, name: str, manifest: dict[str, Any]) -> pd.DataFrame:
-    """The table `name` of the run at `path`; UserError if it is not the one that the run wrote."""
+    """The table `name` of the run at `path`; UserError if its checksum is not the manifest's."""
     import pandas as pd
 
     file = f"{name}.parquet"

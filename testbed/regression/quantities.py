@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.claims.verdict import HOLDS, NOT_APPLICABLE
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
+from testbed.records.verdict import Status
 from testbed.scenario.scenario import Scenario, parse
 from testbed.simulation.simulate import run
 from testbed.studies.common.measure import Fields, Job, override
@@ -80,14 +80,14 @@ def fly(job: Job) -> dict[str, float | None]:
     names = [q.name for q in quantities(s)]
     if done.manifest["ended_early"]:
         return {n: 1.0 if n.endswith(" lost") or n == f"not {_END}" else None for n in names}
-    entries = {e["id"]: e for e in done.guarantees}
-    row = {n: entries[n]["value"] for n in _VALUES}
+    verdicts = {v.id: v for v in done.guarantees}
+    row = {n: verdicts[n].value for n in _VALUES}
     row |= _tracking(done, s.vehicles)
     quantiles = hdot_ledger.summary(done, _NEAR_H_M)["quantiles"]
     row |= {_ledger_name(part, q): quantiles[part][q] if quantiles else None for part, q in _LEDGER}
     for name in _JUDGED:
-        verdict = entries[name]["verdict"]
-        row[f"{name} lost"] = None if verdict == NOT_APPLICABLE else float(verdict != HOLDS)
+        status = verdicts[name].status
+        row[f"{name} lost"] = None if status is Status.NOT_APPLICABLE else float(status is not Status.HOLDS)
     row[f"not {_END}"] = 0.0
     return {n: _rounded(row[n]) for n in names}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from testbed.claims.verdict import HOLDS, VIOLATED
+from testbed.records.verdict import Status
 from testbed.report import settings
 from testbed.report.blocks import KEPT, LOST, OPEN, Block, Note, Part, Section, Table, read_csv
 from testbed.report.folder_files import Rows, about, attached, json_of, pictures, text_of
@@ -98,7 +98,7 @@ def export(folder: Path, title: str) -> Part:
     return Part(
         title=title,
         what=about(data["run"], "a run's tables as CSV"),
-        status={HOLDS: KEPT, VIOLATED: LOST}.get(guarantee["verdict"], OPEN),
+        status={Status.HOLDS: KEPT, Status.VIOLATED: LOST}.get(guarantee["verdict"], OPEN),
         headline=f"Separation: {said}",
         details=[f"{len(events)} events; testbed report RUN has the scorecard and the playback."],
         sections=[

@@ -1,67 +1,69 @@
-"""The scorecard as a page shows it: every premise and guarantee, a line for each run."""
+"""Prepares the scorecard of a report page: every guarantee and premise, a line for each run."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from testbed.claims.verdict import HOLDS, NOT_APPLICABLE, PREMISE, VIOLATED
+from testbed.claims.registry import SAFE_SET, SEPARATION
 from testbed.records.run import Run
+from testbed.records.verdict import Kind, Status, Verdict
 from testbed.report.blocks import KEPT, LOST, OPEN, Fact
 from testbed.report.style import style
 from testbed.report.tables import further, number
 
-# Verdict -> sign and class; the sign tells them apart without colour.
-LOOKS = {HOLDS: ("✓", KEPT), VIOLATED: ("✗", LOST), PREMISE: ("?", OPEN), NOT_APPLICABLE: ("–", "none")}
-HEADINGS = ("Guarantees", "Premises: where one is not met, what rests on it is not shown")
+# Status -> sign and class; the sign tells them apart without colour.
+LOOKS = {
+    Status.HOLDS: ("✓", KEPT),
+    Status.VIOLATED: ("✗", LOST),
+    Status.PREMISE_NOT_MET: ("?", OPEN),
+    Status.NOT_APPLICABLE: ("–", "none"),
+    Status.OPEN: ("?", OPEN),
+}
+GUARANTEES, PREMISES = "Guarantees", "Premises: if one is not met, what rests on it is not shown"
 
 
 def rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
     """One entry per claim with a line per run that has it: guarantees, then premises, in the order judged."""
-    listed = {g["id"]: g for run in runs.values() for g in run.guarantees}
-    listed = dict(sorted(listed.items(), key=lambda item: item[1]["number"].startswith("P")))
-    made = [
-        {
-            "number": g["number"],
-            "id": name,
-            "claim": g["claim"],
-            "source": g["source"],
-            "quantity": g["quantity"],
-        }
-        | {"lines": [_line(label, e) for label, run in runs.items() if (e := _entry(run, name)) is not None]}
-        for name, g in listed.items()
-    ]
-    seen = set()
-    for row in made:
-        kind = HEADINGS[row["number"].startswith("P")]
-        row["heading"] = "" if kind in seen else kind
-        seen.add(kind)
+    listed = {v.id: v for run in runs.values() for v in run.guarantees}
+    made, seen = [], set()
+    for first in sorted(listed.values(), key=lambda v: v.kind is Kind.PREMISE):
+        heading = PREMISES if first.kind is Kind.PREMISE else GUARANTEES
+        lines = [_line(label, v) for label, run in runs.items() for v in run.guarantees if v.id == first.id]
+        made.append(
+            {
+                "number": first.number,
+                "id": first.id,
+                "claim": first.claim,
+                "source": first.source,
+                "quantity": first.quantity,
+                "lines": lines,
+                "heading": "" if heading in seen else heading,
+            }
+        )
+        seen.add(heading)
     return made
 
 
-def _entry(run: Run, name: str) -> dict[str, Any] | None:
-    return next((g for g in run.guarantees if g["id"] == name), None)
+def _line(label: str, v: Verdict) -> dict[str, Any]:
+    sign, look = LOOKS[v.status]
 
-
-def _line(label: str, e: Mapping[str, Any]) -> dict[str, Any]:
-    sign, look = LOOKS.get(e["verdict"], ("–", "none"))
-
-    def said(value: Any) -> str:
-        return "–" if value is None else f"{number(value)} {e['unit']}".rstrip()
+    def said(value: float | None) -> str:
+        return "–" if value is None else f"{number(value)} {v.unit}".rstrip()
 
     return {
         "run": label,
         "color": style(label)["color"],
-        "verdict": e["verdict"],
+        "verdict": v.status.value,
         "sign": sign,
         "look": look,
-        "value": said(e["value"]),
-        "bound": said(e["bound"]),
-        "margin": said(e["margin"]),
-        "t_s": e["t_s"],
-        "who": "–".join(map(str, e["vehicles"])) or "–",
-        "pair": "-".join(map(str, e["vehicles"])) if len(e["vehicles"]) == 2 else "",
-        "why": [*([e["why"]] if e["why"] else []), *further(dict(e))],
+        "value": said(v.value),
+        "bound": said(v.bound),
+        "margin": said(v.margin),
+        "t_s": v.instant,
+        "who": "–".join(map(str, v.vehicles)) or "–",
+        "pair": "-".join(map(str, v.vehicles)) if len(v.vehicles) == 2 else "",
+        "why": [*([v.why] if v.why else []), *further(v)],
     }
 
 
@@ -81,36 +83,34 @@ def csv_rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
         "t_s",
     )
     return [
-        {"run": label}
-        | {k: g[k] for k in keep}
-        | {"vehicles": "-".join(map(str, g["vehicles"])), "why": g["why"]}
+        {"run": label} | {k: v[k] for k in keep} | {"vehicles": "-".join(map(str, v.vehicles)), "why": v.why}
         for label, run in runs.items()
-        for g in run.guarantees
+        for v in run.guarantees
     ]
 
 
 def fact(label: str, run: Run) -> Fact:
-    """How one run stands on the claim that matters: separation."""
-    e = run.guarantee("separation")
+    """How one run stands on separation, the claim that matters most."""
+    v = run.guarantee(SEPARATION.id)
     color = style(label)["color"]
-    if e["verdict"] == NOT_APPLICABLE or e["value"] is None:
-        return Fact(label, OPEN, e["why"] or "separation was not judged", None, color)
-    status = {HOLDS: KEPT, VIOLATED: LOST}.get(e["verdict"], OPEN)
-    when = f", at {e['t_s']:.2f} s, vehicles {' and '.join(map(str, e['vehicles']))}" if e["vehicles"] else ""
-    text = f"{e['value']:.2f} m at closest (Ds {e['bound']:g} m){when}"
+    if v.status is Status.NOT_APPLICABLE or v.value is None or v.bound is None:
+        return Fact(label, OPEN, v.why or "separation was not judged", None, color)
+    status = {Status.HOLDS: KEPT, Status.VIOLATED: LOST}.get(v.status, OPEN)
+    when = f", at {v.instant:.2f} s, vehicles {' and '.join(map(str, v.vehicles))}" if v.vehicles else ""
+    text = f"{v.value:.2f} m at closest (Ds {v.bound:g} m){when}"
     if run.manifest["ended_early"]:
         text += f"; the run did not finish: {run.manifest['ended_early']}"
-    return Fact(label, status, text, e["value"] / e["bound"], color)
+    return Fact(label, status, text, v.value / v.bound, color)
 
 
 def left_safe_set(run: Run) -> bool:
-    """Whether h went below zero though Ds was kept: luck or a remedy's room, and no invariance."""
-    kept = run.guarantee("separation")["verdict"] == HOLDS
-    return kept and run.guarantee("safe-set")["verdict"] == VIOLATED
+    """Whether h went below zero though Ds was kept: by luck or a remedy's room, not by invariance."""
+    kept = run.guarantee(SEPARATION.id).status is Status.HOLDS
+    return kept and run.guarantee(SAFE_SET.id).status is Status.VIOLATED
 
 
 def headline(facts: Sequence[Fact], left: Sequence[str] = ()) -> tuple[str, str]:
-    """The status of all together, and it in words.
+    """The status of all runs together, and the same in words.
 
     left  runs that kept Ds and left the safe set
     """
@@ -134,23 +134,21 @@ def _separation(facts: Sequence[Fact]) -> tuple[str, str]:
 def other_claims(label: str, run: Run) -> str:
     """In a sentence, what else was violated or rested on a premise that was not met."""
 
-    def named(verdict: str, premise: bool) -> list[str]:
+    def named(status: Status, premise: bool) -> list[str]:
         return [
-            f"{g['number']} {g['id']}"
-            for g in run.guarantees
-            if g["verdict"] == verdict and g["number"].startswith("P") == premise
+            f"{v.number} {v.id}"
+            for v in run.guarantees
+            if v.status is status and (v.kind is Kind.PREMISE) == premise
         ]
 
-    judged = [
-        g for g in run.guarantees if g["verdict"] in (HOLDS, VIOLATED) and not g["number"].startswith("P")
-    ]
-    held = sum(g["verdict"] == HOLDS for g in judged)
-    text = f"{label}: {held} of {len(judged)} judged claims hold"
+    held, violated = (named(status, False) for status in (Status.HOLDS, Status.VIOLATED))
+    text = f"{label}: {len(held)} of {len(held) + len(violated)} judged claims hold"
     why = "the run ended early" if run.manifest["ended_early"] else "a premise failed"
     for said, found in (
-        ("violated", named(VIOLATED, False)),
-        (f"not judged, {why}", named(PREMISE, False)),
-        ("premises not met", named(PREMISE, True)),
+        ("violated", violated),
+        (f"not judged, {why}", named(Status.PREMISE_NOT_MET, False)),
+        ("premises not met", named(Status.PREMISE_NOT_MET, True)),
+        ("open", named(Status.OPEN, False)),
     ):
         text += f"; {said}: {', '.join(found)}" if found else ""
     return text + "."

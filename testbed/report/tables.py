@@ -1,4 +1,4 @@
-"""Scorecards as text: guarantee by plant, fitting 80 columns."""
+"""Prints scorecards as text: a row per claim, a column per plant, within 80 columns."""
 
 from __future__ import annotations
 
@@ -11,15 +11,22 @@ from rich.table import Table
 from rich.text import Text
 
 from testbed.records.run import Run
+from testbed.records.verdict import Kind, Status, Verdict
 
 # Achieved channel -> unit shown, and its size in the unit recorded.
 CHANNELS = (("v_mps", "m/s", 1.0), ("omega_radps", "deg/s", degrees(1.0)), ("zeta_mps", "m/s", 1.0))
 # A mark as well as a colour, for eyes and for pipes without colour.
-MARKS = {"holds": ("+", "green"), "violated": ("x", "bold red"), "premise not met": ("?", "yellow")}
+MARKS = {
+    Status.HOLDS: ("+", "green"),
+    Status.VIOLATED: ("x", "bold red"),
+    Status.PREMISE_NOT_MET: ("?", "yellow"),
+    Status.NOT_APPLICABLE: ("-", "dim"),
+    Status.OPEN: ("?", "yellow"),
+}
 
 
 def scorecard(runs: Mapping[str, Run], title: str) -> Table:
-    """One row per guarantee, one column per run: value, verdict, worst instant and vehicles.
+    """One row per claim, one column per run: value, status, worst instant and vehicles.
 
     Premises that every run met are named in the caption; the others have rows of their own.
     """
@@ -28,12 +35,13 @@ def scorecard(runs: Mapping[str, Run], title: str) -> Table:
     for name in runs:
         table.add_column(name)
     met = []
-    for entry in next(iter(runs.values())).guarantees:
-        entries = [run.guarantee(entry["id"]) for run in runs.values()]
-        if entry["number"].startswith("P") and all(e["verdict"] != "premise not met" for e in entries):
-            met += [entry["id"]] if all(e["verdict"] == "holds" for e in entries) else []
+    for first in next(iter(runs.values())).guarantees:
+        verdicts = [run.guarantee(first.id) for run in runs.values()]
+        statuses = {v.status for v in verdicts}
+        if first.kind is Kind.PREMISE and Status.PREMISE_NOT_MET not in statuses:
+            met += [first.id] if statuses == {Status.HOLDS} else []
             continue
-        table.add_row(f"{entry['number']} {entry['id']}", *(cell(e) for e in entries))
+        table.add_row(f"{first.number} {first.id}", *(cell(v) for v in verdicts))
     if met:
         table.caption = "premises met: " + ", ".join(met)
     return table
@@ -64,26 +72,26 @@ def _short(value: Any) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-def cell(entry: dict[str, Any]) -> Text:
-    """Value, verdict, and where the worst was met."""
-    mark, colour = MARKS.get(entry["verdict"], ("-", "dim"))
-    text = Text(f"{mark} {entry['verdict']}", style=colour)
-    if entry["value"] is not None:
-        text.append(f"\n{number(entry['value'])} {entry['unit']}".rstrip(), style="default")
-        if entry["t_s"] is not None:
-            text.append(f" at {entry['t_s']:.3f} s", style="default")
-        if entry["vehicles"]:
-            text.append(f" ({'-'.join(map(str, entry['vehicles']))})", style="default")
-    if entry["verdict"] != "holds" and entry["why"]:
-        text.append(f"\n{entry['why']}", style="dim")
-    for line in further(entry):
+def cell(verdict: Verdict) -> Text:
+    """Status, value, and where the worst was seen."""
+    mark, colour = MARKS[verdict.status]
+    text = Text(f"{mark} {verdict.status}", style=colour)
+    if verdict.value is not None:
+        text.append(f"\n{number(verdict.value)} {verdict.unit}".rstrip(), style="default")
+        if verdict.instant is not None:
+            text.append(f" at {verdict.instant:.3f} s", style="default")
+        if verdict.vehicles:
+            text.append(f" ({'-'.join(map(str, verdict.vehicles))})", style="default")
+    if verdict.status is not Status.HOLDS and verdict.why:
+        text.append(f"\n{verdict.why}", style="dim")
+    for line in further(verdict):
         text.append(f"\n{line}", style="dim")
     return text
 
 
-def further(entry: dict[str, Any]) -> list[str]:
-    """What an entry reports beside its value: rates flown, surfaces at their stops, path and time added."""
-    detail, lines = entry["detail"], []
+def further(verdict: Verdict) -> list[str]:
+    """What a verdict reports beside its value: rates flown, surfaces at their stops, path and time added."""
+    detail, lines = verdict.detail, []
     for name, unit, factor in CHANNELS:
         if ends := detail.get(f"achieved_{name}"):
             low, high = (factor * end for end in ends)

@@ -17,8 +17,9 @@ from aircraft.replay import Replay
 from filters.barriers.closed_form import Barrier, all_pairs
 from filters.filter import Choose, declaration
 from filters.model import Array, Command, Limits, State
-from testbed.claims import guarantees, manoeuvre
+from testbed.claims import guarantees, judging, manoeuvre
 from testbed.claims.flyable import unflyable
+from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
 from testbed.components import catalogue
 from testbed.components.components import Parts
@@ -128,13 +129,13 @@ class _Flight:
         manifest = _manifest(s, statistics, end, aircraft) | ({"parts": own} if own else {})
         record = declaration(filter_).record
         if record is not None:
-            verdicts += guarantees.monitored(record, s.rates.filter_dt_s)
+            verdicts += monitored(record, s)
             manifest["qp_cost"] = {
                 "steps": record.compared,
                 "centralised": record.cost,
                 "limited": record.cost_limited,
             }
-        return Run(manifest, termination.void(verdicts, end), {"wall_s": time.perf_counter() - began})
+        return Run(manifest, judging.void(verdicts, end), {"wall_s": time.perf_counter() - began})
 
     def _loop(
         self,

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from filters.model import Array
-from testbed.claims.verdict import HOLDS, PREMISE, Entry
 
 
 def lost(reported: list[str], track: Array) -> str | None:
@@ -35,11 +34,3 @@ def raised(part: str, error: Exception) -> str:
     last = traceback.extract_tb(error.__traceback__)[-1]
     what = " ".join(str(error).split()) or "no message"
     return f"{part} failed: {type(error).__name__}: {what} ({Path(last.filename).name}:{last.lineno})"
-
-
-def void(entries: list[Entry], end: str | None) -> list[Entry]:
-    """A run that ended early holds nothing: whatever says so, and is no premise, has its premise not met."""
-    for e in entries:
-        if end and e["verdict"] == HOLDS and not e["number"].startswith("P"):
-            e["verdict"], e["why"] = PREMISE, end
-    return entries

@@ -91,8 +91,8 @@ def numbers(name: str) -> dict[str, np.ndarray]:
     }
     for key in ("filter_steps", "worst_qp_residual", "override_share", "qp_cost"):
         found |= dict(_leaves(f"manifest.{key}", run.manifest.get(key)))
-    for entry in run.guarantees:
-        found |= dict(_leaves(f"verdict.{entry['id']}", entry))
+    for verdict in run.guarantees:
+        found |= dict(_leaves(f"verdict.{verdict.id}", verdict.to_json()))
     return {f"{name}/{key}": value for key, value in found.items()}
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.campaigns.simulated_time import Progress
+from testbed.records.checksums import plain
 from testbed.records.run import Run
 from testbed.records.store import load, staged, write_json
 from testbed.scenario.scenario import Scenario
@@ -24,7 +25,7 @@ class Comparison:
     def summary(self) -> dict[str, Any]:
         return {
             "runs": {name: str(self.path / name) for name in self.runs},
-            "guarantees": {name: run.guarantees for name, run in self.runs.items()},
+            "guarantees": {name: plain(run.guarantees) for name, run in self.runs.items()},
             "figures": [str(f) for f in self.figures],
         }
 

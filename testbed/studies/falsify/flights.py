@@ -51,8 +51,8 @@ def fly(job: Job) -> dict[str, Any]:
     """Fly a scenario; what `Flight` has of it. A start that is refused says why."""
     import json
 
-    from testbed.claims.verdict import VIOLATED
     from testbed.errors import UserError
+    from testbed.records.verdict import Status
     from testbed.scenario.scenario import parse
     from testbed.simulation.simulate import run
 
@@ -67,7 +67,7 @@ def fly(job: Job) -> dict[str, Any]:
     return result | {
         "margin": entry["margin"],
         "value": entry["value"],
-        "violated": entry["verdict"] == VIOLATED,
+        "violated": entry["verdict"] == Status.VIOLATED,
         "vehicles": tuple(entry["vehicles"]),
         "t_s": entry["t_s"],
     }

@@ -1,0 +1,35 @@
+"""Turns what the theorem monitor recorded into verdicts."""
+
+from __future__ import annotations
+
+from filters.filter import MonitorRecord
+from testbed.claims.registry import check_claim
+from testbed.records.verdict import Status, Verdict
+from testbed.scenario.scenario import Scenario
+
+# Of the monitor's checks, those that are premises of a theorem, not conclusions: one that fails violates
+# nothing.
+PREMISES = ("aligned", "aligned_limited", "gradient")
+
+
+def monitored(record: MonitorRecord, s: Scenario) -> list[Verdict]:
+    """One verdict per check of a monitored run of `s`."""
+    verdicts = []
+    for name, check in record.checks.items():
+        v = check_claim(name, check.claim).unjudged(s.barrier.form, s.goal_radius_m)
+        if not check.checked:
+            verdicts.append(v.but(why="never met"))
+            continue
+        failed = Status.PREMISE_NOT_MET if name in PREMISES else Status.VIOLATED
+        v = v.but(
+            value=check.worst,
+            bound=check.least,
+            margin=check.worst - check.least,
+            status=failed if check.failed else Status.HOLDS,
+            why=f"{check.failed} of {check.checked} fail" if check.failed else "",
+        )
+        if check.worst_at is not None:
+            step, vehicles = check.worst_at
+            v = v.but(instant=step * s.rates.filter_dt_s, vehicles=vehicles)
+        verdicts.append(v)
+    return verdicts

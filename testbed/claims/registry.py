@@ -1,0 +1,187 @@
+"""Lists every claim that a run is judged by: its number, kind, text, source, quantity and unit.
+
+Whoever needs a claim's name takes it from here; no other module of the project spells it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from filters.cbf.theorem_monitor import theorem_checks
+from testbed.records.verdict import Kind, Verdict
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One claim.
+
+    text      in words; {goal_radius_m} stands for the scenario's
+    source    where the paper makes it
+    quantity  what a verdict's value is
+    unit      of that value; "h" stands for the unit of the scenario's barrier
+    """
+
+    id: str
+    number: str
+    kind: Kind
+    text: str
+    source: str
+    quantity: str = ""
+    unit: str = ""
+
+    def words(self, goal_radius_m: float) -> str:
+        """The text as a run states it."""
+        return self.text.replace("{goal_radius_m}", f"{goal_radius_m:g}")
+
+    def unit_of(self, form: str) -> str:
+        """The unit with a barrier of that form, "root" (h in m) or "squared" (h in m^2)."""
+        h = "m" if form == "root" else "m^2"
+        return {"h": h, "h/s": f"{h}/s"}.get(self.unit, self.unit)
+
+    def unjudged(self, form: str, goal_radius_m: float) -> Verdict:
+        """A verdict without data: not applicable until something decides it."""
+        return Verdict(
+            id=self.id,
+            number=self.number,
+            kind=self.kind,
+            claim=self.words(goal_radius_m),
+            source=self.source,
+            quantity=self.quantity,
+            unit=self.unit_of(form),
+        )
+
+
+START_SAFE = Claim(
+    "start-safe", "P1", Kind.PREMISE, "the start is in the safe set", "Theorem 1", "h >= 0 at t = 0"
+)
+SHARED_MANOEUVRE = Claim(
+    "shared-manoeuvre", "P2", Kind.PREMISE, "all barriers share one manoeuvre", "Assumption 1"
+)
+MANOEUVRE_IN_U = Claim(
+    "manoeuvre-in-U", "P3", Kind.PREMISE, "gamma lies in the input set", "Theorem 2", "distance inside U"
+)
+MANOEUVRE_FLYABLE = Claim(
+    "manoeuvre-flyable", "P4", Kind.PREMISE, "the vehicles can fly gamma for ever", "Theorem 2"
+)
+GRADIENT = Claim(
+    "gradient",
+    "P5",
+    Kind.PREMISE,
+    "L_g h is not zero at the boundary",
+    "Theorem 2, Proposition 1",
+    "least |L_g h|",
+)
+OFF_THE_KINK = Claim(
+    "off-the-kink",
+    "P6",
+    Kind.PREMISE,
+    "h is differentiable where it binds",
+    "Theorem 2, Appendix",
+    "filter steps' motion to the kink, least",
+)
+SEPARATION = Claim(
+    "separation",
+    "G1",
+    Kind.GUARANTEE,
+    "every pair keeps Ds",
+    "Theorem 1 with eq. (7)",
+    "least distance",
+    "m",
+)
+SAFE_SET = Claim(
+    "safe-set", "G2", Kind.GUARANTEE, "h >= 0 for ever", "Theorem 1, Corollary 1", "least h", "h"
+)
+BARRIER_CONDITION = Claim(
+    "barrier-condition",
+    "G3",
+    Kind.GUARANTEE,
+    "along the motion hdot + alpha(h) >= 0",
+    "eq. (4), Corollary 1",
+    "least hdot + alpha(h) over a filter period",
+    "h/s",
+)
+ZCBF_CONDITION = Claim(
+    "zcbf-condition",
+    "G4a",
+    Kind.GUARANTEE,
+    "inside its safe set each barrier leaves an admissible input",
+    "Definition 1, Theorem 2",
+    "least sup over U of hdot + alpha(h)",
+    "h/s",
+)
+QP_FEASIBILITY = Claim(
+    "qp-feasibility",
+    "G4",
+    Kind.GUARANTEE,
+    "the QP has a solution",
+    "Theorems 3, 4",
+    "vehicle-steps without one",
+)
+COMMAND_LIMITS = Claim(
+    "command-limits",
+    "G5",
+    Kind.GUARANTEE,
+    "commands stay in U",
+    "eq. (5), actuator rows",
+    "least distance inside the limits, as a share of their range",
+)
+ROWS_SATISFIED = Claim(
+    "rows-satisfied",
+    "G6",
+    Kind.GUARANTEE,
+    "solved inputs satisfy every pair's row, limited communication included",
+    "Theorem 4, K(x) in K_cap(x)",
+    "least L_g h u + alpha(h)",
+    "h/s",
+)
+GOAL = Claim(
+    "goal",
+    "G7",
+    Kind.GUARANTEE,
+    "every vehicle passes its goal within {goal_radius_m} m before the run ends",
+    "Section V: vehicles reach their waypoints",
+    "largest over vehicles of the closest approach",
+    "m",
+)
+INTERVENTION = Claim(
+    "intervention",
+    "G8",
+    Kind.GUARANTEE,
+    "the nominal input is altered minimally",
+    "eq. (6)",
+    "time overridden, worst",
+)
+MANOEUVRE_KEEPS_DS = Claim(
+    "manoeuvre-keeps-Ds",
+    "G9",
+    Kind.GUARANTEE,
+    "flown from a safe state, gamma keeps every pair Ds apart",
+    "eq. (9), Theorem 2",
+    "least distance while flying gamma",
+    "m",
+)
+
+# In the order in which they are judged and written.
+PREMISES = (START_SAFE, SHARED_MANOEUVRE, MANOEUVRE_IN_U, MANOEUVRE_FLYABLE, GRADIENT, OFF_THE_KINK)
+GUARANTEES = (
+    SEPARATION,
+    SAFE_SET,
+    BARRIER_CONDITION,
+    ZCBF_CONDITION,
+    QP_FEASIBILITY,
+    COMMAND_LIMITS,
+    ROWS_SATISFIED,
+    GOAL,
+    INTERVENTION,
+)
+
+
+def check_claim(name: str, text: str) -> Claim:
+    """The claim that a check `name` of a theorem monitor makes; a unit stands in brackets behind its text."""
+    claim, _, unit = text.rstrip("]").partition(" [")
+    return Claim(f"monitor-{name}", "M", Kind.MONITOR, claim, "Theorems 3 and 4", "smallest seen", unit)
+
+
+MONITORED = tuple(check_claim(name, check.claim) for name, check in theorem_checks().items())
+
+CLAIMS = {claim.id: claim for claim in (*PREMISES, *GUARANTEES, MANOEUVRE_KEEPS_DS, *MONITORED)}
