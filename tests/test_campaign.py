@@ -21,10 +21,11 @@ import pytest
 
 from testbed.campaigns.cluster import Cluster
 from testbed.campaigns.display import View
-from testbed.campaigns.executor import Executor
 from testbed.campaigns.folder import locked
+from testbed.campaigns.outcome import Executor
 from testbed.campaigns.processes import Processes
-from testbed.campaigns.runner import Progress, fly_all, prepare
+from testbed.campaigns.progress import Progress
+from testbed.campaigns.runner import fly_all, prepare
 from testbed.errors import UserError
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,8 @@ import psutil
 import pytest
 
 from testbed.campaigns.engine import fly_all
-from testbed.campaigns.executor import CrashError, executor
+from testbed.campaigns.executor import executor
+from testbed.campaigns.outcome import CrashError
 from testbed.campaigns.processes import Processes
 
 

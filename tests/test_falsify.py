@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from filters.model import Array
-from testbed.campaigns.executor import Outcome
+from testbed.campaigns.outcome import Outcome
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario.scenario import load

@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from testbed.campaigns import named_remedies
 from testbed.errors import UserError
 from testbed.scenario.scenario import load, parse
 from testbed.studies.common.measure import Job, override
@@ -118,7 +119,7 @@ def test_an_unknown_knob_and_an_impossible_rate_are_refused() -> None:
 
 def test_every_remedy_compared_is_a_valid_scenario() -> None:
     for s in (SCENARIO, load("paper-2-straight"), load("paper-2-turn", ["wind.speed_mps=5"])):
-        listed = remedies.catalogue(s)
+        listed = named_remedies.catalogue(s)
         assert next(iter(listed.values())) == {}
         for fields in listed.values():
             parse(json.loads(override(s, fields)))

@@ -20,6 +20,7 @@ from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
 from testbed.errors import UserError
 from testbed.records.run import Run
+from testbed.records.store import load as load_run
 from testbed.records.verdict import Status
 from testbed.report import blocks, page, playback, run_part, scorecard
 from testbed.report.blocks import Part, Section, Table
@@ -27,6 +28,7 @@ from testbed.report.style import style
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
 from testbed.studies.comparison.comparison import compare
+from testbed.studies.pages import KINDS
 
 SHORT = ["duration_s=0.5", "manoeuvre_instants=0"]
 DATA = Path(__file__).parent.parent / "docs" / "guide" / "data"
@@ -68,7 +70,7 @@ class Seen(HTMLParser):
 
 
 def seen(*folders: Path) -> Seen:
-    found = Seen(page.page([page.part(f, f.name) for f in folders]))
+    found = Seen(page.page([page.part(f, f.name, KINDS) for f in folders]))
     assert len(found.ids) == len(set(found.ids))
     assert all(a.startswith(("data:", "#")) for a in found.addresses)
     assert all(p.get("alt") or p.get("aria-label") for p in found.pictures)
@@ -110,7 +112,7 @@ def test_a_comparison_has_every_part_and_the_numbers_of_its_runs(both: Path, fou
         "Settings and provenance",
     ):
         assert words in found.words
-    runs = {p: page.load(both / p) for p in ("unicycle", "lagged")}
+    runs = {p: load_run(both / p) for p in ("unicycle", "lagged")}
     for label, of in runs.items():
         assert f"{of.guarantee('separation')['value']:.2f} m at closest (Ds 5 m)" in found.words
         for e in of.guarantees:
@@ -120,11 +122,13 @@ def test_a_comparison_has_every_part_and_the_numbers_of_its_runs(both: Path, fou
         for e in of.guarantees:
             assert mine.loc[e["id"], "verdict"] == e["verdict"]
     assert "spaces and é" in found.words
-    assert (both / "report.html").read_text(encoding="utf-8") == page.page([page.part(both, both.name)])
+    assert (both / "report.html").read_text(encoding="utf-8") == page.page(
+        [page.part(both, both.name, KINDS)]
+    )
 
 
 def test_the_figures_data_is_what_was_flown(both: Path, found: Seen) -> None:
-    lagged = page.load(both / "lagged")
+    lagged = load_run(both / "lagged")
     paths = table(found, "plant,t_s,vehicle,x_m")
     mine = paths[paths.plant == "lagged"].merge(lagged.vehicles, on=["t_s", "vehicle"], suffixes=("", "_run"))
     assert len(mine) > 500
@@ -132,7 +136,7 @@ def test_the_figures_data_is_what_was_flown(both: Path, found: Seen) -> None:
 
 
 def test_the_playback_decodes_to_the_run_within_a_step_of_rounding(both: Path, found: Seen) -> None:
-    lagged = page.load(both / "lagged")
+    lagged = load_run(both / "lagged")
     data = json.loads(found.json[0])
     plant = data["plants"][1]
     t = np.cumsum(plant["t"]) * data["steps"]["t"]
@@ -440,7 +444,7 @@ def test_a_mistake_is_one_line(
 
 
 def test_a_page_that_fails_costs_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with page.reported(tmp_path / "r") as folder:
+    with page.reported(tmp_path / "r", run_part.of_folder) as folder:
         (folder / "ladder.json").write_text("{}")
     assert (tmp_path / "r" / "ladder.json").is_file() and not (tmp_path / "r" / "report.html").exists()
     assert "no report.html" in capsys.readouterr().err

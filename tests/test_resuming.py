@@ -174,7 +174,7 @@ def test_a_changed_airframe_resumes_nothing(
 def test_a_full_disk_at_the_end_costs_no_flight(
     study: Callable[[], int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from testbed.studies.ladder import figures as robustness_figures
+    from testbed.studies.remedies import figures as robustness_figures
 
     flown = interrupted_after(100, monkeypatch)
     draw = robustness_figures.remedies

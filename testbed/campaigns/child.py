@@ -19,7 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from testbed.campaigns.executor import CrashError, Outcome
+from testbed.campaigns.outcome import CrashError, Outcome
 
 # A job that crashes its process is tried again once. One whose process is killed from outside is not to
 # blame, but what runs out of memory is killed every time.

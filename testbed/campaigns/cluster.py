@@ -21,7 +21,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from testbed.campaigns.child import Child
-from testbed.campaigns.executor import CrashError, J, Outcome
+from testbed.campaigns.outcome import CrashError, J, Outcome
 from testbed.errors import UserError
 
 # Of jobs given to the scheduler for each that can run; more would only fill its memory.

@@ -6,14 +6,12 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from testbed.campaigns.executor import Executor
 from testbed.campaigns.flight import FLOWN, lost
+from testbed.campaigns.outcome import Executor
+from testbed.campaigns.progress import Progress
 from testbed.statistics import rate_of
-
-if TYPE_CHECKING:
-    from testbed.campaigns.runner import Progress
 
 # Seconds between lines in a log, and between updates of a terminal.
 LOGGED_S, SHOWN_S = 10.0, 0.5

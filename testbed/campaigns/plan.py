@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from testbed.campaigns import named_remedies
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
@@ -147,11 +148,9 @@ def _cell_data(
         assign(data, path, copy.deepcopy(value))
     if "remedy" not in parameters:
         return data
-    from testbed.studies.remedies.remedies import catalogue as remedies
-
     name = parameters["remedy"]
     where = _said({axis: v for axis, v in parameters.items() if axis != "remedy"}, campaign.name)
-    known = remedies(scenario.parse(data, where))
+    known = named_remedies.catalogue(scenario.parse(data, where))
     if name not in known:
         raise UserError(f"{where}: remedies: {name!r} is unknown; {nearest(name, known)}")
     for dotted, value in known[name].items():

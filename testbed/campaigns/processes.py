@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from testbed.campaigns.child import Child, DeathError
-from testbed.campaigns.executor import J, Outcome
+from testbed.campaigns.outcome import J, Outcome
 
 
 class Processes:

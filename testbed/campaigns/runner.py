@@ -6,46 +6,21 @@ import json
 import shutil
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from testbed.campaigns import file, folder, tables
 from testbed.campaigns.display import View
-from testbed.campaigns.executor import CrashError, Executor, Outcome
 from testbed.campaigns.file import SCHEMA_VERSION
-from testbed.campaigns.flight import FAILED, Job, blank, fly, lost
-from testbed.campaigns.plan import Plan, Planned, base, expand, rounds
+from testbed.campaigns.flight import FAILED, Job, blank, fly
+from testbed.campaigns.outcome import CrashError, Executor, Outcome
+from testbed.campaigns.plan import Plan, Planned, base, expand
+from testbed.campaigns.progress import Progress, progress
+from testbed.campaigns.summary import summary
 from testbed.components.catalogue import versions
 from testbed.errors import UserError
 from testbed.records.store import write_json
 from testbed.scenario import scenario
-from testbed.statistics import Look
-from testbed.statistics import Plan as Looks
-
-
-@dataclass
-class Progress:
-    """What is done of a plan: the runs to fly so far, as looks have it, and the rows that there are.
-
-    looks  cell -> what its last look said; empty without a stopping rule
-    """
-
-    plan: Plan
-    entries: dict[str, dict[str, Any]]
-    wanted: list[Planned] = field(default_factory=list)
-    looks: dict[int, Look] = field(default_factory=dict)
-
-    @property
-    def missing(self) -> list[Planned]:
-        return [r for r in self.wanted if r.id not in self.entries]
-
-    @property
-    def complete(self) -> bool:
-        return not self.missing
-
-    def lost(self, run: Planned) -> bool:
-        return lost(self.entries[run.id]["row"], self.plan.campaign.guarantee)
 
 
 def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
@@ -86,24 +61,6 @@ def reopen(out: Path, to_fly: bool = True) -> Plan:
             f" {plan.code}); go on with those, or run it anew into another folder"
         )
     return plan
-
-
-def progress(plan: Plan, entries: dict[str, dict[str, Any]]) -> Progress:
-    """How far the rows reach: round by round, and no round before the one before it is whole."""
-    made = Progress(plan, entries)
-    stop = plan.campaign.stop
-    looks = Looks(tuple(stop.looks), stop.target, stop.alpha, stop.spending) if stop else None
-    active = [c.number for c in plan.cells]
-    for number, (first, last) in enumerate(rounds(plan), 1):
-        # Seed by seed over all cells: a campaign cut short has compared like with like.
-        made.wanted += [plan.of(cell)[k] for k in range(first, last) for cell in active]
-        if looks is None or not made.complete:
-            break
-        for cell in active:
-            events = sum(made.lost(r) for r in plan.of(cell)[:last])
-            made.looks[cell] = looks.look(number, events)
-        active = [cell for cell in active if not made.looks[cell].final]
-    return made
 
 
 def fly_all(plan: Plan, out: Path, pool: Executor, view: View) -> Progress:
@@ -172,8 +129,6 @@ class _Jobs(Sequence[Job]):
 
 
 def _finish(state: Progress, out: Path) -> None:
-    from testbed.campaigns.summary import summary
-
     # Cell by cell in the tables, whatever the order of flight.
     wanted = {id(r) for r in state.wanted}
     flown = [r for r in state.plan.runs if id(r) in wanted]

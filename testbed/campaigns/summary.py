@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from testbed.campaigns.flight import FAILED, REFUSED
+from testbed.campaigns.progress import Progress
 from testbed.statistics import paired_verdicts, quantile, rate
-
-if TYPE_CHECKING:
-    from testbed.campaigns.runner import Progress
 
 
 def summary(state: Progress) -> list[dict[str, Any]]:

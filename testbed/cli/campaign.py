@@ -15,7 +15,7 @@ from testbed.errors import UserError
 
 if TYPE_CHECKING:
     from testbed.campaigns.plan import Plan
-    from testbed.campaigns.runner import Progress
+    from testbed.campaigns.progress import Progress
 
 app = typer.Typer(no_args_is_help=True, help="Many runs of one file: grids, random draws, seeds, statistics.")
 
@@ -63,7 +63,8 @@ def resume(
 def status(folder: FolderArg, as_json: JsonOption = False) -> None:
     """How far a campaign is, and what its runs say so far. Reads only."""
     from testbed.campaigns.folder import Journal, is_locked
-    from testbed.campaigns.runner import progress, reopen
+    from testbed.campaigns.progress import progress
+    from testbed.campaigns.runner import reopen
 
     state = progress(reopen(folder, to_fly=False), Journal(folder).entries)
     _report(state, folder, as_json, flying=is_locked(folder))
@@ -117,7 +118,8 @@ def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_jso
     from testbed.campaigns.display import View
     from testbed.campaigns.executor import executor
     from testbed.campaigns.folder import Journal
-    from testbed.campaigns.runner import fly_all, hint, progress
+    from testbed.campaigns.progress import progress
+    from testbed.campaigns.runner import fly_all, hint
     from testbed.cli.interrupts import StoppedError
 
     try:
@@ -128,9 +130,10 @@ def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_jso
         print(f"interrupted; {hint(kept, out)}", file=sys.stderr)
         raise typer.Exit(128 + getattr(error, "number", signal.SIGINT)) from None
     if state.complete:
+        from testbed.report.campaign_part import part
         from testbed.report.page import attach
 
-        attach(out, out.name)
+        attach(out, out.name, part)
     _report(state, out, as_json)
 
 

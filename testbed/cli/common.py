@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from testbed.campaigns.simulated_time import Progress
     from testbed.records.run import Run
     from testbed.scenario.scenario import Scenario
-    from testbed.studies.ladder.study import Found
+    from testbed.studies.common.found import Found
 
 ScenarioArg = Annotated[str, typer.Argument(help="a built-in scenario (see: testbed list) or a TOML file")]
 SetOption = Annotated[

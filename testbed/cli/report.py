@@ -29,8 +29,9 @@ def report(
     campaigns each have their page.
     """
     from testbed.report.page import PAGE_FILE, write
+    from testbed.studies.pages import KINDS
 
-    file = write(folders, out or folders[0] / PAGE_FILE)
+    file = write(folders, out or folders[0] / PAGE_FILE, KINDS)
     print(json.dumps({"report": str(file)}) if as_json else f"report: {file}")
     if open_:
         typer.launch(file.resolve().as_uri())

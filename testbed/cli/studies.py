@@ -83,12 +83,12 @@ def remedies(
     as_json: JsonOption = False,
 ) -> None:
     """What restores the guarantee: remedies compared at equal seeds."""
-    from testbed.studies.ladder.study import compare_remedies
+    from testbed.studies.remedies.study import compare
 
     s = scenario_of(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)
     where = out or Path("runs") / f"{s.name}-remedies"
     chosen = range(first_seed, first_seed + count(seeds))
-    show_study(compare_remedies(s, chosen, only or [], where, workers, overwrite), as_json)
+    show_study(compare(s, chosen, only or [], where, workers, overwrite), as_json)
 
 
 @app.command(
@@ -110,7 +110,7 @@ def margin(
     as_json: JsonOption = False,
 ) -> None:
     """The smallest setting of a remedy that meets a violation rate, certified on fresh seeds."""
-    from testbed.studies.ladder.study import margin as find
+    from testbed.studies.margin.study import margin as find
 
     s = scenario_of(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)
     where = out or Path("runs") / f"{s.name}-margin-{knob}"
@@ -132,7 +132,7 @@ def answer(
 ) -> None:
     """Does the guarantee survive? Aircraft, numbers, weather and remedies in one table."""
     from testbed.studies.answer.answer import FLEETS
-    from testbed.studies.ladder.study import answer as find
+    from testbed.studies.answer.study import answer as find
 
     fleets = {str(n): n for n in FLEETS}
     asked = [v.strip() for v in vehicles.split(",")]

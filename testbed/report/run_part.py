@@ -10,6 +10,7 @@ import pandas as pd
 
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
+from testbed.records.store import load
 from testbed.report import embed, figures, ledger_figures, playback, run_tables, scorecard, settings
 from testbed.report.blocks import Block, Note, Part, Picture, Playback, Scorecard, Section, Table, download
 from testbed.report.style import drawing
@@ -57,6 +58,12 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
         facts=facts,
         sections=[s for s in sections if s.blocks],
     )
+
+
+def of_folder(folder: Path, title: str) -> Part:
+    """The account of a run folder."""
+    run = load(folder)
+    return part({run.manifest["scenario"]["plant"]: run}, folder, title)
 
 
 def _svg(folder: Path | None, name: str, draw: Callable[[], Figure | None]) -> str:

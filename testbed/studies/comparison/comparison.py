@@ -1,7 +1,8 @@
-"""The same scenario on several plants, side by side."""
+"""Flies one scenario on several plants and draws them together."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from testbed.campaigns.simulated_time import Progress
 from testbed.records.checksums import plain
 from testbed.records.run import Run
 from testbed.records.store import load, staged, write_json
+from testbed.report.blocks import Part
 from testbed.scenario.scenario import Scenario
 from testbed.simulation.simulate import run
 
@@ -54,7 +56,15 @@ def compare(
         drawn = figures.compare(runs, folder / "figures")
         write_json(folder / "comparison.json", {name: r.guarantees for name, r in runs.items()})
         if report:
-            page.attach(folder, out.name, runs)
+            page.attach(folder, out.name, part)
     return Comparison(
         {name: load(out / name) for name in scenarios}, [out / f.relative_to(folder) for f in drawn], out
     )
+
+
+def part(folder: Path, title: str) -> Part:
+    """A comparison's part of a page."""
+    from testbed.report import run_part
+
+    labels = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))
+    return run_part.part({label: load(folder / label) for label in labels}, folder, title)

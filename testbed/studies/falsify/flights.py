@@ -15,7 +15,7 @@ from testbed.studies.common.measure import override
 from testbed.studies.falsify.space import Space
 
 if TYPE_CHECKING:
-    from testbed.campaigns.executor import Executor
+    from testbed.campaigns.outcome import Executor
 
 # (a scenario as JSON, the guarantee that judges it)
 Job = tuple[str, str]

@@ -10,10 +10,10 @@ from testbed.records.run import Run
 from testbed.records.store import staged, write_json
 from testbed.scenario.scenario import Scenario, load, parse
 from testbed.simulation.simulate import run as fly
+from testbed.studies.common.found import Found
 from testbed.studies.falsify import figures
 from testbed.studies.falsify.falsify import Falsified
 from testbed.studies.falsify.flights import Flight
-from testbed.studies.ladder.study import Found
 
 FILE = "scenario.toml"
 

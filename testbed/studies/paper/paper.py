@@ -133,18 +133,18 @@ def _of_the_paper(name: str, plant: str, overrides: Sequence[str]) -> Scenario:
 
 
 def _onset(book: Book, folder: Path, overrides: tuple[str, ...], workers: int | None) -> None:
-    from testbed.studies.kink import figures as study_figures
+    from testbed.studies.onset import figures
 
     onsets = onset.study(overrides, workers)
     medians = tuple(f"median_{name}_s" for name in ("override", "turn_1degps", "lateral_1m"))
     _write(book, folder, "onset", "when overriding begins", onset.table(onsets), medians)
-    book.files += [f.name for f in study_figures.onset(onsets, folder)]
+    book.files += [f.name for f in figures.onset(onsets, folder)]
 
 
 def _kink(
     book: Book, folder: Path, kept: Notebook, overrides: tuple[str, ...], seeds: int, workers: int | None
 ) -> None:
-    from testbed.studies.kink import figures as study_figures
+    from testbed.studies.kink import figures
 
     cases, crowd = kink.perturbed(seeds, overrides), kink.crowded(seeds, overrides)
     rows = kink.study([*crowd, *cases], kept, workers)
@@ -162,7 +162,7 @@ def _kink(
         ("worst_qp_residual", "median_m"),
     )
     seen = kink.look(kink.worst(table, cases, d_safe))
-    book.files += [f.name for f in study_figures.kink(table, seen, d_safe, folder)]
+    book.files += [f.name for f in figures.kink(table, seen, d_safe, folder)]
 
 
 def _write(

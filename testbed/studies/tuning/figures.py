@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from aircraft.airframe import Airframe
     from testbed.scenario.scenario import Scenario
-    from testbed.studies.tuning.tuning import Sweep
+    from testbed.studies.tuning.sweeps import Sweep
 
 LABELS = {
     "min_distance_m": "smallest distance [m]",

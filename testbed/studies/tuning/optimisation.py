@@ -1,4 +1,4 @@
-"""`testbed tune --optimise`: gains that meet the step specification, found by Nelder and Mead's simplex.
+"""Searches gains that meet the step specification, by the simplex of Nelder and Mead.
 
 Channel by channel, several starts at once, every evaluation kept: an interrupted search goes on where it was.
 """
@@ -20,7 +20,9 @@ from testbed.campaigns.engine import Notebook, fly_all
 from testbed.errors import UserError
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
-from testbed.studies.tuning.tuning import Tuned, _changed, _fingerprint, provenance_of
+from testbed.studies.tuning import page
+from testbed.studies.tuning.provenance import changed_gains, fingerprint, provenance_of
+from testbed.studies.tuning.tuning import Tuned
 
 if TYPE_CHECKING:
     from aircraft.airframe import Airframe
@@ -183,10 +185,10 @@ def optimise(
     check_free(out, overwrite)
     if starts < 1 or evaluations < 1:
         raise UserError("--starts and --evaluations: at least one")
-    own = _changed(airframe, source)
+    own = changed_gains(airframe, source)
     plan = stages(airframe, vary)
     memory = [
-        out.parent / f".{out.name}.optimise-{_fingerprint(airframe)}-{seed + k}.jsonl" for k in range(starts)
+        out.parent / f".{out.name}.optimise-{fingerprint(airframe)}-{seed + k}.jsonl" for k in range(starts)
     ]
     jobs = [
         Search(source, tuple(own.items()), plan, seed + k, evaluations, file) for k, file in enumerate(memory)
@@ -195,7 +197,7 @@ def optimise(
     best = min(found, key=lambda r: (r["cost"], r["seed"]))
     after = evaluate(airframe.with_gains(best["gains"]))
     before = evaluate(airframe)
-    with reported(out, overwrite) as folder:
+    with reported(out, page.part, overwrite) as folder:
         provenance = {"command": command, "airframe_sha256": airframe.fingerprint()}
         provenance |= {"versions": json.dumps(versions()), "start": str(best["seed"])}
         write_gains(folder / "gains.toml", source, best["gains"], provenance)

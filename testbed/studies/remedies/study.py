@@ -1,0 +1,72 @@
+"""Flies remedies at equal seeds and writes their tables, figure and page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from testbed.campaigns import named_remedies
+from testbed.campaigns.engine import notebook
+from testbed.components.initial_conditions import generators, places
+from testbed.errors import UserError, nearest
+from testbed.records.store import check_free, write_json
+from testbed.report.page import reported
+from testbed.scenario.scenario import Scenario
+from testbed.studies.common.found import Found, provenance
+from testbed.studies.common.measure import default_starts
+from testbed.studies.remedies import figures, page, remedies
+
+if TYPE_CHECKING:
+    pass
+
+
+def compare(
+    s: Scenario,
+    seeds: range,
+    only: list[str],
+    out: Path,
+    workers: int | None,
+    overwrite: bool,
+) -> Found:
+    """Remedies on `s` at equal seeds: runs.csv, remedies.csv, figure.
+
+    only  names of the remedies to fly; empty flies all
+    """
+    check_free(out, overwrite)
+    s = default_starts(s)
+    known = named_remedies.catalogue(s)
+    if unknown := [name for name in only if name not in known]:
+        raise UserError(f"--only {unknown[0]!r}: unknown remedy; {nearest(unknown[0], known)}")
+    chosen = {name: known[name] for name in (only or known)}
+    with notebook(out, "remedies") as kept:
+        runs = remedies.compare(s, chosen, seeds, kept, workers)
+        table = remedies.table(runs, _straight(s))
+        with reported(out, page.part, overwrite) as folder:
+            runs.to_csv(folder / "runs.csv", index=False)
+            table.to_csv(folder / "remedies.csv", index=False)
+            write_json(folder / "remedies.json", {"seeds": [seeds[0], seeds[-1]]} | provenance(s, s.plant))
+            figures.remedies(table, s.d_safe_m, folder)
+    rows = [
+        {
+            "remedy": r.remedy,
+            "lost": f"{r.violations}/{r.n}",
+            "95 % CI": f"{100 * r.rate_low:.1f}-{100 * r.rate_high:.1f} %",
+            "d [m]": round(r.least_distance_m, 2),
+            "h [m]": round(r.least_h_m, 2),
+            "no QP": int(r.infeasible_steps),
+            "arrived": f"{r.arrived}/{r.n}",
+            "path %": round(100 * r.path_cost, 1),
+            "delay [s]": round(r.goal_delay_s, 2),
+        }
+        for r in table.itertuples()
+    ]
+    return Found(
+        out, f"{s.name} on {s.plant}: remedies, seeds {seeds[0]} to {seeds[-1]}, Ds {s.d_safe_m:g} m", rows
+    )
+
+
+def _straight(s: Scenario) -> float:
+    """Mean length of the undisturbed way to the goal radius [m]."""
+    start, goal = places(s, generators(s.seed)["start"])
+    position = start.array()[:, [0, 1, 3]]
+    return float(((position - goal) ** 2).sum(axis=-1).mean() ** 0.5) - s.goal_radius_m

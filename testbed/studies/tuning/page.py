@@ -1,0 +1,70 @@
+"""Makes the part of a page about swept or optimised gains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from testbed.report import settings
+from testbed.report.blocks import (
+    KEPT,
+    LOST,
+    OPEN,
+    Block,
+    Listing,
+    Part,
+    Section,
+    Table,
+    download,
+)
+from testbed.report.folder_files import (
+    attached,
+    csv_text,
+    finite,
+    json_of,
+    pictures,
+    text_of,
+)
+
+
+def part(folder: Path, title: str) -> Part:
+    """Swept or optimised gains."""
+    data = json_of(folder / "tune.json")
+    rows = data["rows"]
+    blocks: list[Block] = []
+    if (folder / "sweep.csv").is_file():
+        text, status = f"{len(rows)} sets of gains flown", OPEN
+        fewest = min(rows, key=lambda r: finite(r.get("missed")))
+        where = ", ".join(f"{name} {value:.4g}" for name, value in fewest.items() if "." in name)
+        details = [f"Fewest bounds of the step specification are missed at {where}: {fewest.get('missed')}."]
+        blocks += pictures(
+            folder,
+            ("sweep",),
+            "Scores, margins and the guarantee against the gain",
+            folder / "sweep.csv",
+            rows,
+        )
+        sheet = attached(folder / "sweep.csv")
+    else:
+        missed = sum(not r["met"] for r in rows)
+        status = LOST if missed else KEPT
+        text = (
+            f"{missed} of {len(rows)} bounds missed"
+            if missed
+            else f"All {len(rows)} bounds of the step specification met"
+        )
+        details, sheet = [], download("CSV", "specification.csv", csv_text(rows))
+    bad = frozenset(k for k, r in enumerate(rows) if r.get("met") is False)
+    blocks.append(
+        Table(rows, "A row per set of gains" if "met" not in rows[0] else "The specification", bad, sheet)
+    )
+    gains = folder / "gains.toml"
+    if gains.is_file():
+        blocks.append(Listing("gains.toml", text_of(gains)))
+    return Part(
+        title=title,
+        what=f"Made by {data['command']}",
+        status=status,
+        headline=text,
+        details=details,
+        sections=[Section("Tuning", blocks), Section("Settings and provenance", settings.of_study(data))],
+    )
