@@ -54,7 +54,7 @@ def test_a_run_killed_at_any_moment_is_absent_and_what_it_left_is_removed(tmp_pa
         if (tmp_path / "r").exists():
             testbed.load(tmp_path / "r")
             return
-        assert set(os.listdir(tmp_path)) <= {".r.partial"}
+        assert set(os.listdir(tmp_path)) <= {".r.partial", ".r.lock"}
         with pytest.raises(UserError, match="holds no finished run"):
             testbed.load(tmp_path / "r")
     run(load("paper-2-turn", BRIEF), tmp_path / "r")

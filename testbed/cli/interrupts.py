@@ -12,8 +12,9 @@ from typing import Any
 
 from testbed.errors import UserError
 
-# Ctrl-C, a polite kill, a closed terminal: all clean up the same way.
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# Ctrl-C, a polite kill, a closed terminal (which Windows lacks): all clean up the same way.
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_HAS_TIMER = hasattr(signal, "setitimer")
 _AGAIN_S = 0.2
 
 
@@ -56,12 +57,14 @@ def _listening() -> Iterator[None]:
         nonlocal first
         if not first:
             first = number
-            before[signal.SIGALRM] = signal.signal(signal.SIGALRM, stop)
+            if _HAS_TIMER:
+                before[signal.SIGALRM] = signal.signal(signal.SIGALRM, stop)
         for other in SIGNALS:
             signal.signal(other, signal.SIG_IGN)
         # What is raised inside a destructor, a callback of C or an import that catches everything (as
         # numpy.random's does) is lost without a trace: ask again until it is being handled.
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+        if _HAS_TIMER:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
         if not _handled():
             raise StoppedError(first)
 
@@ -73,7 +76,7 @@ def _listening() -> Iterator[None]:
     try:
         yield
     finally:
-        if first:
+        if first and _HAS_TIMER:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in before.items():
             signal.signal(number, handler)

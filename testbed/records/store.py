@@ -8,7 +8,6 @@ something, and its own; no file holds anything that is executed.
 from __future__ import annotations
 
 import errno
-import fcntl
 import functools
 import json
 import os
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.errors import UserError
 from testbed.records.checksums import plain, read_json, seal, sealed, sha256
+from testbed.records.locking import PathLock
 from testbed.records.run import Columns, Run
 from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import SCHEMA_VERSION
@@ -70,6 +70,7 @@ def staged(path: Path, overwrite: bool = False) -> Iterator[Path]:
         _put(partial, path, overwrite)
     except BaseException as error:
         shutil.rmtree(partial, ignore_errors=True)
+        lock.release()
         for parent in made:
             with suppress(OSError):
                 parent.rmdir()
@@ -79,7 +80,7 @@ def staged(path: Path, overwrite: bool = False) -> Iterator[Path]:
             ) from None
         raise
     finally:
-        os.close(lock)
+        lock.release()
 
 
 def _beside(path: Path) -> tuple[Path, Path]:
@@ -87,28 +88,21 @@ def _beside(path: Path) -> tuple[Path, Path]:
     return path.with_name(f".{path.name}.partial"), path.with_name(f".{path.name}.replaced")
 
 
-def _begin(path: Path) -> tuple[Path, int]:
+def _begin(path: Path) -> tuple[Path, PathLock]:
     """The empty temporary folder of `path`, and its lock, which dies with the process that holds it."""
     partial, _ = _beside(path)
-    while True:
-        try:
-            partial.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UserError(f"cannot write below {path.parent}: {error.strerror}") from None
-        try:
-            lock = os.open(partial, os.O_RDONLY)
-        except FileNotFoundError:
-            continue  # another process was just done with it
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(lock)
-            raise UserError(f"{path} is being written by another process; give another --out") from None
-        # The folder may have been renamed or removed between opening and locking it.
-        with suppress(FileNotFoundError):
-            if os.path.samestat(partial.stat(), os.fstat(lock)) and not _recover(path):
-                break
-        os.close(lock)
+    lock = PathLock(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        free = lock.acquire()
+        if free:
+            _recover(path)
+            partial.mkdir(exist_ok=True)
+    except OSError as error:
+        lock.release()
+        raise UserError(f"cannot write below {path.parent}: {error.strerror}") from None
+    if not free:
+        raise UserError(f"{path} is being written by another process; give another --out")
     left = list(partial.iterdir())
     for item in left:
         shutil.rmtree(item) if item.is_dir() and not item.is_symlink() else item.unlink()
@@ -132,16 +126,14 @@ def _put(partial: Path, path: Path, overwrite: bool) -> None:
     shutil.rmtree(replaced, ignore_errors=True)
 
 
-def _recover(path: Path) -> bool:
-    """End a replacement that was killed half-way; whether the new folder has taken its place by that."""
+def _recover(path: Path) -> None:
+    """End a replacement of `path` that was killed half-way."""
     partial, replaced = _beside(path)
     if not replaced.exists():
-        return False
-    ended = not path.exists()
-    if ended:
+        return
+    if not path.exists():
         partial.rename(path)
     shutil.rmtree(replaced, ignore_errors=True)
-    return ended
 
 
 class RunWriter:
