@@ -1,163 +1,43 @@
-"""An airframe: a folder with a JSBSim model and `airframe.toml`, its speeds, gains and sources."""
+"""Loads an airframe by name, folder or gains file; a folder that is not ours is vetted first."""
 
 from __future__ import annotations
 
-import difflib
-import hashlib
-import math
 import re
 import shutil
 from pathlib import Path
-from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
-
-from aircraft.jsbsim.properties import TELEMETRY
-from aircraft.textfile import read_toml
-
-AIRFRAMES = Path(__file__).parent / "airframes"
-
-Positive = Annotated[float, Field(gt=0, le=1e6)]
-Finite = Annotated[float, Field(ge=-1e9, le=1e9)]
-NAME = r"[A-Za-z0-9][\w.+-]*"
+from aircraft.airframes.safety import vet
+from aircraft.airframes.schema import AIRFRAMES, NAME, Airframe, folder_of, read_airframe
+from aircraft.autopilots import gains
 
 
-def _plain(name: str) -> str:
-    """A name becomes a file's and a folder's, in the folder it is meant for and no other."""
-    if not re.fullmatch(NAME, name):
-        raise ValueError("use letters, digits, - and _")
-    return name
+def load(name_or_folder: str | Path) -> Airframe:
+    """An airframe by name (`x8`), by the path of its folder, or of a gains file, which names its base.
+
+    A folder that does not come with the package is vetted as a stranger's: see `aircraft.airframes.safety`.
+    Raises  FileNotFoundError naming what is missing, ValueError naming the file and what is wrong with it.
+    """
+    folder = folder_of(name_or_folder)
+    if folder.suffix == ".toml":
+        changed = load_gains(folder)
+        return changed.model_copy(update={"name": f"{changed.name}+{folder.stem}"})
+    found = read_airframe(folder)
+    if found.folder.parent != AIRFRAMES.resolve():
+        vet(found)
+    return found
 
 
-Plain = Annotated[str, Field(max_length=100), AfterValidator(_plain)]
+def load_gains(path: Path, airframe: Airframe | None = None) -> Airframe:
+    """The airframe that a gains file stands for: its base with the gains of the file.
 
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class Speeds(_Strict):
-    """Ground speeds in still air that the airframe is flown at."""
-
-    v_min_mps: Positive
-    v_max_mps: Positive
-    start_mps: Positive
-    trim_mps: list[Positive] = Field(
-        min_length=1, description="where margins, steps and datasheet are evaluated"
-    )
-
-    @model_validator(mode="after")
-    def ordered(self) -> Speeds:
-        if not self.v_min_mps <= self.start_mps <= self.v_max_mps:
-            raise ValueError("v_min_mps, start_mps and v_max_mps must be in this order")
-        return self
-
-
-class Channel(_Strict):
-    """One command channel as the lagged kinematic plant sees it."""
-
-    time_constant_s: Annotated[float, Field(ge=0, le=1e3)] = 0.0
-    delay_s: Annotated[float, Field(ge=0, le=60)] = 0.0
-    rate_max: Positive | None = Field(
-        None, description="largest rate of change, the channel's unit per second"
-    )
-    rate_min: Annotated[float, Field(ge=-1e6, lt=0)] | None = Field(
-        None, description="most negative rate of change; -rate_max if absent"
-    )
-
-
-class Identified(_Strict):
-    """Channels identified on step responses; `command` is how to remake them."""
-
-    command: str
-    v: Channel
-    omega: Channel
-    zeta: Channel
-
-
-def check_gains(gains: dict[str, dict[str, float]]) -> None:
-    """ValueError naming the gain that cannot be radians, or that is called what no property is."""
-    for section, names in gains.items():
-        for name, value in names.items():
-            if not re.fullmatch(r"[a-z0-9_]+", section + name):
-                raise ValueError(f"gains.{section}.{name}: use small letters, digits and _")
-            most = math.pi / 2 if name.endswith("_rad") else 100.0 if name.endswith("_radps") else math.inf
-            if abs(value) > most:
-                raise ValueError(
-                    f"gains.{section}.{name}: {value:g} is out of range for radians, at most {most:.4g};"
-                    f" {value:g} degrees are {math.radians(value):.4g}"
-                )
-
-
-class Airframe(_Strict):
-    """`airframe.toml`. Gains are SI, section -> name -> value; section.name is property ap/section-name."""
-
-    name: Plain
-    title: str
-    model: Plain = Field(description="the JSBSim model, MODEL.xml in the folder")
-    licence: str
-    speeds: Speeds
-    surfaces: dict[str, str] = Field(description="telemetry name -> JSBSim property, rad")
-    gains: dict[str, dict[str, Finite]]
-    identified: Identified | None = None
-    step_factor: Positive = Field(1.0, description="of the step specification's bounds, for this airframe")
-    stated: dict[str, Finite] = Field(
-        default={}, description="what the sources say, for `testbed aircraft check`: jxz_kgm2, mass_kg, ..."
-    )
-    folder: Path = Field(exclude=True)
-
-    @model_validator(mode="after")
-    def radians(self) -> Airframe:
-        """Angles and their rates in the range of radians; telemetry under names of its own."""
-        check_gains(self.gains)
-        for name in self.surfaces:
-            taken = name in TELEMETRY or name == "theta_rad"
-            if taken or not re.fullmatch(r"[a-z][a-z0-9_]*_rad", name):
-                raise ValueError(
-                    f"surfaces.{name}: call a surface something_rad, not what is recorded already"
-                )
-        return self
-
-    @property
-    def has_rudder(self) -> bool:
-        """Whether the autopilot steers a rudder: the gains have a section of that name."""
-        return "rudder" in self.gains
-
-    def gain_values(self) -> dict[str, float]:
-        """section_name -> value, as the autopilot's equations name them."""
-        return {f"{s}_{n}": v for s, names in self.gains.items() for n, v in names.items()}
-
-    def fingerprint(self) -> str:
-        """SHA-256 over every file of the folder and the gains it is flown with."""
-        digest = hashlib.sha256()
-        for file in sorted(p for p in self.folder.rglob("*") if p.is_file()):
-            digest.update(str(file.relative_to(self.folder)).encode() + b"\0" + file.read_bytes())
-        digest.update(repr(sorted(self.gain_values().items())).encode())
-        return digest.hexdigest()
-
-    def with_gains(self, changes: dict[str, float]) -> Airframe:
-        """A copy with some gains changed, {"turn.damping": 0.9}. Raises KeyError on an unknown gain."""
-        gains = {s: dict(names) for s, names in self.gains.items()}
-        for key, value in changes.items():
-            section, _, name = key.partition(".")
-            if name not in gains.get(section, {}):
-                known = [f"{s}.{n}" for s, names in gains.items() for n in names]
-                near = difflib.get_close_matches(key, known, 3)
-                raise KeyError(f"{self.name} has no gain {key}; near: {', '.join(near) or 'none'}")
-            gains[section][name] = value
-        return self.model_copy(update={"gains": gains})
-
-
-def names() -> list[str]:
-    """The airframes that come with the package."""
-    return sorted(p.parent.name for p in AIRFRAMES.glob("*/airframe.toml"))
-
-
-def folder_of(name_or_folder: str | Path) -> Path:
-    """Where an airframe is: by name in the package, else the path itself, which need not exist."""
-    if isinstance(name_or_folder, str) and name_or_folder in names():
-        return AIRFRAMES / name_or_folder
-    return Path(name_or_folder)
+    airframe  the base, in place of the one the file names; the names must agree
+    Raises    FileNotFoundError, or ValueError naming the file and what is wrong with it
+    """
+    name, values = gains.changes(path)
+    base = load(name)
+    if airframe is not None and airframe.name != base.name:
+        raise ValueError(f"{path}: gains of {name}, not of {airframe.name}")
+    return gains.changed(airframe or base, values, path)
 
 
 def copy(name_or_folder: str, folder: Path) -> Path:
@@ -176,50 +56,3 @@ def copy(name_or_folder: str, folder: Path) -> Path:
     # The command that remakes the identified lags names its airframe.
     path.write_text(text.replace(f'identification {source.name}"', f'identification {folder.as_posix()}"'))
     return folder
-
-
-def load(name_or_folder: str | Path) -> Airframe:
-    """An airframe by name (`x8`), by the path of its folder, or of a gains file, which names its base.
-
-    A folder that does not come with the package is read as a stranger's: see `aircraft.check.safety`.
-    Raises  FileNotFoundError naming what is missing, ValueError naming the file and what is wrong with it.
-    """
-    folder = folder_of(name_or_folder)
-    if folder.suffix == ".toml":
-        from aircraft.autopilots.gains import read
-
-        changed = read(folder)
-        return changed.model_copy(update={"name": f"{changed.name}+{folder.stem}"})
-    found = said(folder)
-    if found.folder.parent != AIRFRAMES.resolve():
-        from aircraft.check.safety import vet
-
-        vet(found)
-    return found
-
-
-def _said(error: Any) -> str:
-    if error["type"] == "extra_forbidden":
-        return "unknown field"
-    return str(error["msg"]).removeprefix("Value error, ")
-
-
-def said(folder: Path) -> Airframe:
-    """What a folder's airframe.toml says, whatever else the folder holds; raises as `load` does."""
-    path = folder / "airframe.toml"
-    try:
-        tables = read_toml(path)
-        if "folder" in tables:
-            raise ValueError("folder: unknown field; it is where the file is")
-        return Airframe(**tables, folder=folder.resolve())
-    except FileNotFoundError:
-        raise FileNotFoundError(
-            f"no airframe {folder}: {path} does not exist; there are {', '.join(names())}, or give a folder"
-        ) from None
-    except ValidationError as e:
-        # A field that nobody knows explains another that is missing.
-        first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
-        where = ".".join(str(p) for p in first["loc"])
-        raise ValueError(f"{path}: {where}: {_said(first)}" if where else f"{path}: {_said(first)}") from None
-    except ValueError as e:
-        raise ValueError(f"{path}: {e}") from None

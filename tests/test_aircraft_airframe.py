@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from aircraft.airframe import load, names
+from aircraft.airframe import load
+from aircraft.airframes.schema import names
 from aircraft.jsbsim.trim import trim, trim_map
 
 

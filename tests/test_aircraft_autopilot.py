@@ -7,12 +7,13 @@ import pytest
 
 from aircraft.airframe import load
 from aircraft.autopilots.equations import EQUATIONS, parse, system_xml
+from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.margins import margins, response
 from aircraft.autopilots.specification import turbulence_rows
-from aircraft.autopilots.statespace import loops
 from aircraft.autopilots.tuning import fly, score
-from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.rest import Start
 from aircraft.jsbsim.trim import feedforward
 
 TURN = math.radians(11.7)

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
+from aircraft.autopilots.linear_model import linear_model
 from aircraft.autopilots.margins import modes
-from aircraft.autopilots.statespace import linear_model
-from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.rest import Start, place
+from aircraft.jsbsim.rest import hold as held
 
 N_PER_LB, M_PER_FT = 4.4482216152605, 0.3048
 NM_PER_LBFT = N_PER_LB * M_PER_FT
@@ -131,7 +133,7 @@ everyone = pytest.mark.parametrize("name", AIRFRAMES)
 @cache
 def simulated(name):
     fdm = Fdm(load(name), 0.005, Origin())
-    fdm.place(Start(0.0, 0.0, 0.0, 0.0, 18.0))  # in the air
+    place(fdm, Start(0.0, 0.0, 0.0, 0.0, 18.0))  # in the air
     return fdm
 
 
@@ -144,7 +146,7 @@ def hold(name, alpha, beta, speed, rates, **given):
     """Put JSBSim at a state; its acceleration (6,) and the air it is in."""
     fdm = simulated(name)
     body = [math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta)]
-    found = fdm.hold(speed * np.array(body), (0.2, 0.1, 1.0), rates, commands(**given))
+    found = held(fdm, speed * np.array(body), (0.2, 0.1, 1.0), rates, commands(**given))
     rho = fdm.read("atmosphere/rho-slugs_ft3") * KGM3_PER_SLUGFT3
     return found, Air(alpha, beta, *rates, speed, rho, fdm.read("aero/alphadot-rad_sec"))
 

@@ -24,11 +24,12 @@ ORDER = {
     "aircraft": [
         "textfile",
         "plant",
-        "airframe",
-        "autopilots",
-        "jsbsim",
         "kinematic",
         "replay",
+        "airframes",
+        "jsbsim",
+        "autopilots",
+        "airframe",
         "datasheets",
         "check",
     ],
@@ -55,7 +56,7 @@ ORDER = {
 FILTERS_FOR_AIRCRAFT = {"filters.model"}
 # A dependency is imported only in these files and folders.
 HOMES = {
-    "jsbsim": ["aircraft/jsbsim/fdm.py"],
+    "jsbsim": ["aircraft/jsbsim/loading.py"],
     "osqp": ["filters/qp/"],
     "daqp": ["filters/qp/"],
     "control": ["aircraft/autopilots/"],
@@ -65,7 +66,7 @@ HOMES = {
     "markupsafe": ["testbed/report/"],
     "matplotlib": ["testbed/report/", "testbed/studies/"],
     "pyarrow": ["testbed/records/", "testbed/campaigns/tables.py", "testbed/verification/recorded.py"],
-    "pydantic": ["aircraft/airframe.py", "testbed/scenario/", "testbed/campaigns/file.py"],
+    "pydantic": ["aircraft/airframes/schema.py", "testbed/scenario/", "testbed/campaigns/file.py"],
     "pytest": ["testbed/regression/plugin.py"],
     "typer": ["testbed/cli/"],
 }

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from aircraft.airframe import AIRFRAMES, names
+from aircraft.airframes.schema import AIRFRAMES, names
 from aircraft.check.check import Finding, check
 
 MODEL, SYSTEM, TOML = "x8.xml", "systems/autopilot.xml", "airframe.toml"

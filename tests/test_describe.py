@@ -11,11 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aircraft.airframe import Airframe, load, names
+from aircraft.airframe import load
+from aircraft.airframes.schema import Airframe, names
+from aircraft.autopilots.equations import of_airframe
+from aircraft.autopilots.linear_autopilot import evaluate as autopilot
+from aircraft.autopilots.linear_autopilot import loops
+from aircraft.autopilots.linear_model import linear_model
 from aircraft.autopilots.margins import margins, model_margins, model_response, modes
 from aircraft.autopilots.specification import evaluate, turbulence_rows
-from aircraft.autopilots.statespace import equations, linear_model, loops
-from aircraft.autopilots.statespace import evaluate as autopilot
 from aircraft.datasheets.datasheet import compare, geometry
 from aircraft.datasheets.envelope import Box, corners, limits
 
@@ -34,7 +37,7 @@ def test_the_equations_in_python_stand_still_where_jsbsim_trims(name: str) -> No
     airframe = load(name)
     memory = linear_model(airframe, 20.0).point.memory
     after = autopilot(airframe, {**memory, "dt": 0.005})
-    for key in equations(airframe).assigned():
+    for key in of_airframe(airframe).assigned():
         assert after[key] == pytest.approx(memory[key], abs=1e-7), key
 
 

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
-from aircraft.jsbsim.fdm import Fdm, FdmError, Start, motions, positions
-from aircraft.jsbsim.geodesy import Origin, ecef, geodetic
+from aircraft.jsbsim.errors import FdmError
+from aircraft.jsbsim.fdm import Fdm
+from aircraft.jsbsim.geodesy import Origin, ecef, geodetic, motions, positions
+from aircraft.jsbsim.rest import Start
 
 CALM = (0.0, 0.0, 0.0)
 

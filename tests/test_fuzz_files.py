@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aircraft import airframe
-from aircraft.check.files import read_folder
+from aircraft.airframes.files import read_folder
+from aircraft.airframes.safety import dangers
 from aircraft.check.rules import RULES
-from aircraft.check.safety import dangers
 from testbed.campaigns import file, plan
 from testbed.errors import UserError
 from testbed.scenario.scenario import Scenario

@@ -3,9 +3,10 @@
 import pytest
 
 from aircraft.airframe import load as airframe
-from aircraft.airframe import names
+from aircraft.airframes.schema import names
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.rest import hold
 from testbed.studies.sensitivity.sensitivity import CHANGES, Change, changed
 
 
@@ -17,7 +18,7 @@ def test_a_change_scales_inertia_and_thrust_by_its_factors(name, tmp_path) -> No
     )
     given = {"fcs/throttle-cmd-norm": 0.7}
     for fdm in (before, after):
-        fdm.hold((18.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), given)
+        hold(fdm, (18.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), given)
 
     def ratio(path: str) -> float:
         return after.read(path) / before.read(path)

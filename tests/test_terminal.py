@@ -150,7 +150,8 @@ def test_an_airframe_is_checked_by_name_or_by_folder_and_copied(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from aircraft.airframe import AIRFRAMES, load
+    from aircraft.airframe import load
+    from aircraft.airframes.schema import AIRFRAMES
     from aircraft.check import check
 
     checked: list[Path] = []

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aircraft.airframe import Airframe, load
+from aircraft.airframe import load
+from aircraft.airframes.schema import Airframe
 from aircraft.autopilots import gains
 from aircraft.autopilots.specification import Row, evaluate
 from testbed.errors import UserError

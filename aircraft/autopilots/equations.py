@@ -13,7 +13,10 @@ import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+
+from aircraft.airframes.schema import Airframe, folder_of, property_name, read_airframe
 
 EQUATIONS = Path(__file__).with_name("autopilot.eq")
 
@@ -70,11 +73,6 @@ class Equations:
         return list(dict.fromkeys(e.name for c in self.channels for e in c.equations))
 
 
-def property_name(name: str) -> str:
-    """The JSBSim property of an equation or a gain: `turn_damping` is ap/turn-damping."""
-    return "ap/" + name.replace("_", "-")
-
-
 def parse(text: str) -> Equations:
     """The equations of `text`. Raises ValueError naming the line that does not parse."""
     parsed = Equations()
@@ -93,6 +91,17 @@ def parse(text: str) -> Equations:
         else:
             raise ValueError(f"line {number}: not a use, input, channel or equation: {line}")
     return parsed
+
+
+@cache
+def autopilot() -> Equations:
+    """The autopilot's equations, `autopilot.eq`."""
+    return parse(EQUATIONS.read_text(encoding="utf-8"))
+
+
+def of_airframe(airframe: Airframe) -> Equations:
+    """The autopilot's equations, those that this airframe has."""
+    return autopilot().of(airframe.gain_values())
 
 
 def _xml(node: ast.AST, properties: Mapping[str, str]) -> str:
@@ -163,10 +172,8 @@ def system_xml(equations: Equations, gains: Mapping[str, float]) -> str:
 
 def main(folder: Path) -> None:
     """Write `folder`/systems/autopilot.xml."""
-    from aircraft.airframe import load
-
-    airframe = load(folder)
-    xml = system_xml(parse(EQUATIONS.read_text()), airframe.gain_values())
+    airframe = read_airframe(folder_of(folder))
+    xml = system_xml(autopilot(), airframe.gain_values())
     (airframe.folder / "systems" / "autopilot.xml").write_text(xml)
 
 

@@ -9,19 +9,13 @@ import math
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
-from aircraft.airframe import Airframe, check_gains, load
-from aircraft.autopilots.equations import EQUATIONS, Equations, parse
+from aircraft.airframes.schema import Airframe, check_gains
+from aircraft.autopilots.equations import of_airframe
 from aircraft.textfile import read_toml
 
 _UNIT = r"(_(radps|per_s2?|s|mps2?|rad|m|kg))?"
-
-
-@cache
-def equations() -> Equations:
-    return parse(EQUATIONS.read_text(encoding="utf-8"))
 
 
 # Sections whose gains multiply an error or are a time: below zero they destabilise.
@@ -30,7 +24,7 @@ _NOT_NEGATIVE = ("turn", "climb", "speed", "rudder")
 
 def gain_faults(airframe: Airframe) -> list[str]:
     """What is wrong with an airframe's gains, a line each: missing, unknown, negative where none may be."""
-    mine = equations().of(airframe.gain_values())
+    mine = of_airframe(airframe)
     known = {*mine.assigned(), *mine.inputs, *mine.uses}
     trees = [ast.parse(e.formula, mode="eval") for c in mine.channels for e in c.equations]
     names = {n.id for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Name)}
@@ -52,27 +46,23 @@ def gain_faults(airframe: Airframe) -> list[str]:
     return faults
 
 
-def read(path: Path, airframe: Airframe | None = None) -> Airframe:
-    """The airframe that a gains file stands for: its base with the gains of the file.
+def changes(path: Path) -> tuple[str, dict[str, float]]:
+    """A gains file as data: the name of its base airframe, and its gains by section.name.
 
-    airframe  the base, in place of the one the file names; the names must agree
-    Raises    FileNotFoundError, or ValueError naming the file and what is wrong with it
+    Raises  FileNotFoundError, or ValueError naming the file and what is wrong with it
     """
     try:
-        said = read_toml(path)
+        tables = read_toml(path)
     except FileNotFoundError:
         raise FileNotFoundError(f"gains file {path} does not exist") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    name, gains = said.get("base"), said.get("gains")
+    name, gains = tables.get("base"), tables.get("gains")
     if not isinstance(name, str) or not isinstance(gains, dict):
         raise ValueError(f'{path}: a gains file needs base = "NAME" and tables [gains.SECTION]')
     if name.endswith(".toml"):  # which could be this file itself
         raise ValueError(f"{path}: base: name an airframe, not another gains file")
-    base = airframe or load(name)
-    if base.name != load(name).name:
-        raise ValueError(f"{path}: gains of {name}, not of {base.name}")
-    changes: dict[str, float] = {}
+    found: dict[str, float] = {}
     for section, values in gains.items():
         for gain, value in values.items() if isinstance(values, dict) else ():
             number = math.nan
@@ -82,17 +72,25 @@ def read(path: Path, airframe: Airframe | None = None) -> Airframe:
             if not math.isfinite(number):
                 got = repr(value) if len(repr(value)) <= 80 else f"{repr(value)[:80]}..."
                 raise ValueError(f"{path}: gains.{section}.{gain}: must be a finite number, got {got}")
-            changes[f"{section}.{gain}"] = number
+            found[f"{section}.{gain}"] = number
+    return name, found
+
+
+def changed(base: Airframe, gains: dict[str, float], path: Path) -> Airframe:
+    """`base` with `gains` (section.name -> value), which were read from `path`.
+
+    Raises  ValueError naming the file and the gain that is unknown, out of range or missing
+    """
     try:
-        changed = base.with_gains(changes)
-        check_gains(changed.gains)
+        after = base.with_gains(gains)
+        check_gains(after.gains)
     except KeyError as error:
         raise ValueError(f"{path}: {error.args[0]}") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    if faults := gain_faults(changed):
+    if faults := gain_faults(after):
         raise ValueError(f"{path}: gains.{faults[0]}")
-    return changed
+    return after
 
 
 def write(path: Path, base: str, gains: Mapping[str, float], provenance: Mapping[str, str]) -> None:

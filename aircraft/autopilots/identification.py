@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aircraft.airframe import Airframe, load
+from aircraft.airframes.schema import Airframe, folder_of, read_airframe
 from aircraft.autopilots.tuning import fly
 
 Array = NDArray[np.floating[Any]]
@@ -70,7 +70,7 @@ def identify(airframe: Airframe, channel: str) -> tuple[float, float, float, flo
 
 def main(name: str) -> None:
     """Print the tables of an airframe's channels."""
-    airframe = load(name)
+    airframe = read_airframe(folder_of(name))
     print(f'[identified]\ncommand = "python -m aircraft.autopilots.identification {name}"')
     for channel in STEPS:
         time_constant, delay, falls, rises = identify(airframe, channel)

@@ -2,7 +2,7 @@
 
 A loop is broken at a plant input: an impulse is added to the autopilot's output there, all else closed. What
 the total becomes is the sensitivity S = 1 / (1 + L) at every frequency, sampling and actuators included.
-`aircraft.autopilots.statespace` gives the same loops without flying them.
+`aircraft.autopilots.linear_model` gives the same loops without flying them.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aircraft.airframe import Airframe
-from aircraft.autopilots.statespace import Model, Point, rotation
-from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.airframes.schema import Airframe
+from aircraft.autopilots.linear_airframe import Point
+from aircraft.autopilots.linear_model import Model
+from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.rest import Start, rotation
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aircraft.airframe import Airframe
+from aircraft.airframes.schema import Airframe
+from aircraft.autopilots.linear_autopilot import loops
+from aircraft.autopilots.linear_model import linear_model
 from aircraft.autopilots.margins import Margins, margins, model_response
-from aircraft.autopilots.statespace import linear_model, loops
 from aircraft.autopilots.tuning import Flight, Score, fly, score
-from aircraft.jsbsim.fdm import Fdm, Start, motions
-from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.fdm import Fdm
+from aircraft.jsbsim.geodesy import Origin, motions
+from aircraft.jsbsim.rest import Start
 
 TURN = math.radians(11.7)  # rad/s, the paper's evading turn
 MARGINS = {"gain_db": 6.0, "phase_deg": 45.0, "disk": 0.5}

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aircraft.airframe import Airframe
-from aircraft.jsbsim.fdm import Fdm, Start, motions, positions
-from aircraft.jsbsim.geodesy import Origin
+from aircraft.airframes.schema import Airframe
+from aircraft.jsbsim.fdm import Fdm
+from aircraft.jsbsim.geodesy import Origin, motions, positions
+from aircraft.jsbsim.rest import Start
 
 Array = NDArray[np.float64]
 

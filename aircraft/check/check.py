@@ -13,9 +13,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from aircraft.check.files import Files, Finding, read_folder
+from aircraft.airframes.files import Files, Finding, read_folder
+from aircraft.airframes.safety import dangers
 from aircraft.check.rules import RULES
-from aircraft.check.safety import dangers
 
 FLIGHT_LIMIT_S = 120.0
 NOT_SEEN = (

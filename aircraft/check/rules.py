@@ -7,10 +7,13 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from aircraft.autopilots.equations import property_name, system_xml
-from aircraft.autopilots.gains import equations, gain_faults
-from aircraft.check.files import Files, Finding, toml_line
+from aircraft.airframes.files import Files, Finding, toml_line
+from aircraft.airframes.references import declared
+from aircraft.airframes.schema import property_name
+from aircraft.autopilots.equations import autopilot, system_xml
+from aircraft.autopilots.gains import gain_faults
 from aircraft.check.spelling import ENGINE, MODEL
+from aircraft.jsbsim.properties import NODES, TELEMETRY
 
 
 def _root(files: Files) -> list[Finding]:
@@ -38,17 +41,6 @@ def _words(files: Files) -> list[Finding]:
                 message = f"<{e.name}> is no element of JSBSim"
                 findings.append(Finding("misspelt", "error", file, e.line, message, remedy))
     return findings
-
-
-def output(files: Files) -> list[Finding]:
-    """A model's own files and sockets; a component's <output> is something else."""
-    says = {"output": "writes files wherever the program runs", "input": "opens a socket"}
-    return [
-        Finding("output", "error", file, e.line, f"<{name}> {what}", "remove it")
-        for name, what in says.items()
-        for file, e in files.elements(name)
-        if e.parent is not None and e.parent.name == "fdm_config"
-    ]
 
 
 def _engine(files: Files) -> list[Finding]:
@@ -123,23 +115,8 @@ def _duplicates(files: Files) -> list[Finding]:
     return findings
 
 
-def declared(files: Files) -> set[str]:
-    """Properties that the files themselves make: declarations, components, functions and their outputs."""
-    names = set()
-    for tree in files.trees.values():
-        for e in tree.walk():
-            if ("value" in e.attributes and e.name == "property") or e.name == "output":
-                names.add(e.text.lstrip("-"))
-            if "name" in e.attributes and e.name not in ("contact", "location", "axis", "channel", "system"):
-                name = e.attributes["name"]
-                names |= {name, "fcs/" + name.replace(" ", "-").lower()}
-    return names
-
-
 def _autopilot(files: Files) -> list[Finding]:
     """The properties that the testbed commands, reads and settles, and a home for every gain."""
-    from aircraft.jsbsim.properties import NODES, TELEMETRY
-
     have, findings = declared(files), []
     system = next((f for f in files.trees if f.startswith("systems/")), files.model)
     line = files.trees[system].line
@@ -177,7 +154,7 @@ def _current(files: Files) -> list[Finding]:
     ):
         return []
     try:
-        now = system_xml(equations(), files.airframe.gain_values())
+        now = system_xml(autopilot(), files.airframe.gain_values())
     except ValueError:
         return []  # a missing gain, which another rule names
     if path.read_text(encoding="utf-8") == now:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from aircraft.airframe import Airframe
-from aircraft.check.xml import read
+from aircraft.airframes.schema import Airframe
+from aircraft.airframes.xml import read
 
 
 def actuator_limits(airframe: Airframe) -> dict[str, tuple[float, float]]:

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from aircraft.airframe import Airframe
+from aircraft.airframes.schema import Airframe
+from aircraft.autopilots.linear_autopilot import loops
+from aircraft.autopilots.linear_model import linear_model
 from aircraft.autopilots.margins import (
     Margins,
     Mode,
@@ -21,11 +23,11 @@ from aircraft.autopilots.margins import (
     response,
 )
 from aircraft.autopilots.specification import STEPS, Row, Step, flown, margin_rows, turbulence_rows
-from aircraft.autopilots.statespace import linear_model, loops
 from aircraft.autopilots.tuning import Flight
 from aircraft.datasheets.envelope import Box, Corner, Limits, corners, envelope
-from aircraft.jsbsim.fdm import M_PER_FT, Fdm, Start
-from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.fdm import Fdm
+from aircraft.jsbsim.geodesy import M_PER_FT, Origin
+from aircraft.jsbsim.rest import Start
 from aircraft.jsbsim.trim import trim_map
 
 KG_PER_SLUG = 14.593902937

@@ -10,12 +10,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from aircraft.airframe import Airframe
-from aircraft.autopilots.statespace import rotation
+from aircraft.airframes.schema import Airframe
 from aircraft.autopilots.tuning import fly
-from aircraft.jsbsim.fdm import Fdm, FdmError, Start
+from aircraft.jsbsim.errors import FdmError
+from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
 from aircraft.jsbsim.initialisation import G_MPS2
+from aircraft.jsbsim.rest import Start, hold, initialise, rotation
 
 _DT_S = 0.005
 THROTTLE = "fcs/throttle-cmd-norm"
@@ -98,7 +99,7 @@ class _Bench:
             for path, value in zip(inputs, commands, strict=True):
                 fdm.node(path).set_double_value(value)
             attitude = (roll, slope + above, level.yaw + aside)
-            fdm.initialise(attitude, np.array([0.0, v, -v * math.tan(slope)]), -omega)
+            initialise(fdm, attitude, np.array([0.0, v, -v * math.tan(slope)]), -omega)
             return [node.get_double_value() for node in balance]
 
         bank = -math.atan(v * omega / G_MPS2)
@@ -125,7 +126,7 @@ def limits(airframe: Airframe, v: float, omega: float) -> Limits:
 
     def along(throttle: float) -> float:
         at = {**commands, THROTTLE: throttle}
-        return float(bench.fdm.hold(body, attitude, np.zeros(3), at)[:3] @ body / v)
+        return float(hold(bench.fdm, body, attitude, np.zeros(3), at)[:3] @ body / v)
 
     load, alpha_stall = _largest_lift(bench, v, commands)
     return Limits(
@@ -151,7 +152,7 @@ def _largest_lift(bench: _Bench, v: float, commands: dict[str, float]) -> tuple[
 
         def at(elevator: float) -> NDArray[np.float64]:
             held = {**commands, "fcs/elevator-cmd-norm": elevator, THROTTLE: 0.0}
-            return bench.fdm.hold(body, (0.0, alpha, 0.0), (0.0, 0.0, 0.0), held)
+            return hold(bench.fdm, body, (0.0, alpha, 0.0), (0.0, 0.0, 0.0), held)
 
         pitch = [at(e)[4] for e in (0.0, 0.1)]
         slope = (pitch[1] - pitch[0]) / 0.1

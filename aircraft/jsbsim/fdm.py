@@ -1,59 +1,28 @@
-"""One JSBSim aircraft in SI and east-north-up: the only import of jsbsim, the only place with feet.
+"""One JSBSim aircraft in SI and east-north-up.
 
-What JSBSim lets pass in silence is an exception here; `Fdm` keeps the order of calls it needs.
+`Fdm` keeps the order of calls that JSBSim needs; loading is in `loading`, starting in `initialisation`.
 """
 
 from __future__ import annotations
 
-import ctypes
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import jsbsim
 import numpy as np
 from numpy.typing import NDArray
 
-from aircraft.airframe import Airframe
-from aircraft.autopilots.equations import property_name
-from aircraft.check.property_names import resolve
-from aircraft.jsbsim import initialisation
-from aircraft.jsbsim.geodesy import M_PER_FT, Origin, enu_axes, motions, positions
-from aircraft.jsbsim.initialisation import FdmError, Start, Trim
+from aircraft.airframes.schema import Airframe, property_name
+from aircraft.jsbsim import initialisation, loading
+from aircraft.jsbsim.errors import FdmError
+from aircraft.jsbsim.geodesy import M_PER_FT, Origin
+from aircraft.jsbsim.initialisation import Trim
 from aircraft.jsbsim.properties import NODES, TELEMETRY
+from aircraft.jsbsim.rest import Start
 
 Array = NDArray[np.float64]
 
-__all__ = ["M_PER_FT", "TELEMETRY", "Fdm", "FdmError", "Start", "Trim", "motions", "positions", "telemetry"]
-
 _MILSPEC = 3.0  # JSBSim's number for that turbulence
 _EULER = 1.0  # JSBSim's number for the rectangular Euler integrator
-
-
-class _Quiet(jsbsim.FGLogger):
-    """Drops JSBSim's banner and notes and keeps its errors for our own messages."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.errors: list[str] = []
-        self._level = jsbsim.LogLevel.INFO
-
-    def set_level(self, level: jsbsim.LogLevel) -> None:
-        self._level = level
-
-    def message(self, message: str) -> None:
-        if self._level.value >= jsbsim.LogLevel.ERROR.value:
-            self.errors.append(message.strip())
-
-    def file_location(self, filename: str, line: int) -> None: ...
-
-    def format(self, format: jsbsim.LogFormat) -> None: ...
-
-    def flush(self) -> None: ...
-
-
-def _keep_for_ever(fdm: jsbsim.FGFDMExec) -> None:
-    """Never delete an instance whose model did not load: its destructor may abort the process."""
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
 
 
 class Fdm:
@@ -68,13 +37,7 @@ class Fdm:
         self.airframe = airframe
         self.origin = origin
         self._integrator = 0.0  # the one to return to after the first period
-        self._fdm = self._load(dt)
-        manager = self._fdm.get_property_manager()
-        try:
-            resolve(airframe, lambda path: manager.get_node(path) is not None)
-        except FdmError:
-            _keep_for_ever(self._fdm)
-            raise
+        self._fdm = loading.load(airframe, dt)
         n = self.nodes = {name: self.node(path) for name, path in NODES.items()}
         surfaces = {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
         telemetry = TELEMETRY | surfaces
@@ -89,30 +52,7 @@ class Fdm:
         self._upset = n["alpha"].get_double_value, n["roll"].get_double_value
         self._wind: tuple[float, float, float] | None = None  # as last blown
 
-    # -- loading
-
-    def _load(self, dt: float) -> jsbsim.FGFDMExec:
-        """A JSBSim instance with this airframe's model; engine and systems come from the folder too."""
-        folder, model = self.airframe.folder, self.airframe.model
-        log = _Quiet()
-        jsbsim.set_logger(log)
-        fdm = jsbsim.FGFDMExec(None)
-        fdm.set_debug_level(0)
-        fdm.set_dt(dt)
-        where = folder / f"{model}.xml"
-        try:
-            loaded = fdm.load_model_with_paths(
-                model, str(folder), str(folder / "engine"), str(folder / "systems"), False
-            )
-        except RuntimeError as e:
-            _keep_for_ever(fdm)
-            raise FdmError(f"{where}: {e} {' '.join(log.errors)}") from None
-        if not loaded:
-            _keep_for_ever(fdm)
-            raise FdmError(f"{where} or a file that it names is missing: {' '.join(log.errors)}")
-        return fdm
-
-    def node(self, path: str) -> jsbsim.FGPropertyNode:
+    def node(self, path: str) -> loading.Node:
         """The property's node. Raises FdmError rather than create one that nothing reads."""
         found = self._fdm.get_property_manager().get_node(path)
         if found is None:
@@ -123,7 +63,7 @@ class Fdm:
         """A property's value in JSBSim's own unit, for tests and tools; not for the flight loop."""
         return float(self.node(path).get_double_value())
 
-    # -- starting; how is in `aircraft.jsbsim.initialisation`
+    # -- before the flight
 
     def trim(self, start: Start, omega: float = 0.0) -> Trim:
         """Steady flight as `initialisation.trim` finds it; raises FdmError if there is none."""
@@ -133,50 +73,7 @@ class Fdm:
         """Begin the flight: trimmed, in the start's wind, the autopilot settled and on. Raises FdmError."""
         return initialisation.start(self, start)
 
-    def place(self, start: Start, correct: bool = False) -> tuple[Array, Array]:
-        """Write the start's place; returns air-relative and ground velocity [m/s], north-east-down.
-
-        correct  take the error of the initialisation before this one off the height: JSBSim's initial
-                 altitude is not exactly geodetic, 1.6 mm low at 300 m
-        """
-        latitude, longitude, altitude = self.origin.geodetic(start.x, start.y, start.z)
-        n = self.nodes
-        low = altitude / M_PER_FT - n["altitude"].get_double_value() if correct else 0.0
-        n["ground_ic"].set_double_value(self.origin.ground_m / M_PER_FT)
-        n["latitude_ic"].set_double_value(latitude)
-        n["longitude_ic"].set_double_value(longitude)
-        n["altitude_ic"].set_double_value(altitude / M_PER_FT + low)
-        # Course and speed are in the origin's plane: find the level velocity here whose projection they are.
-        to_origin = self.origin.axes[:2] @ enu_axes(latitude, longitude).T
-        course = np.array([math.cos(start.theta), math.sin(start.theta)])
-        east, north = np.linalg.solve(to_origin[:, :2], start.v * course - to_origin[:, 2] * start.zeta)
-        ground = np.array([north, east, -start.zeta])
-        wind_east, wind_north, wind_up = start.wind
-        return ground - np.array([wind_north, wind_east, -wind_up]), ground
-
-    def initialise(self, attitude: tuple[float, float, float], velocity: Array, yaw_rate: float) -> None:
-        """Initialise at roll, pitch, yaw [rad], velocity over the ground [m/s, north-east-down] and the yaw
-        rate of a steady turn [rad/s, clockwise]."""
-        n = self.nodes
-        (sr, sp, sy), (cr, cp, cy) = np.sin(attitude), np.cos(attitude)
-        u, v, w = (
-            np.array(
-                [
-                    [cp * cy, cp * sy, -sp],
-                    [sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp],
-                    [cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp],
-                ]
-            )
-            @ velocity
-            / M_PER_FT
-        )
-        rates = {"p_ic": -sp * yaw_rate, "q_ic": sr * cp * yaw_rate, "r_ic": cr * cp * yaw_rate}
-        angles = dict(zip(("roll_ic", "pitch_ic", "yaw_ic"), attitude, strict=True))
-        for name, value in (angles | {"u_ic": u, "v_ic": v, "w_ic": w} | rates).items():
-            n[name].set_double_value(float(value))
-        self._run_ic()
-
-    def _run_ic(self) -> None:
+    def run_ic(self) -> None:
         """Initialise, actuators taking their commands at once."""
         self._fdm.set_trim_status(True)
         try:
@@ -187,7 +84,7 @@ class Fdm:
 
     def _broken(self, error: RuntimeError) -> FdmError:
         """What JSBSim says of a model that it cannot evaluate."""
-        _keep_for_ever(self._fdm)
+        loading.keep_for_ever(self._fdm)
         said = " ".join(str(error).replace("\\n", " ").split())
         return FdmError(f"{self.airframe.folder / self.airframe.model}.xml: {said}")
 
@@ -203,33 +100,6 @@ class Fdm:
         """Let the first period of `run` integrate by Euler: it has no acceleration of a period before."""
         self._integrator = self.nodes["velocity_integrator"].get_double_value()
         self.nodes["velocity_integrator"].set_double_value(_EULER)
-
-    def hold(
-        self,
-        velocity: Sequence[float] | Array,
-        attitude: Sequence[float] | Array,
-        rates: Sequence[float] | Array,
-        commands: Mapping[str, float],
-    ) -> Array:
-        """Evaluate all models without moving, in still air, the autopilot off: for tools, not for flight.
-
-        velocity  body axes, relative to the air [m/s];  attitude  roll, pitch, yaw [rad]
-        rates     p, q, r [rad/s];  commands  property -> value, taken by the actuators at once
-        Returns   the derivatives of velocity and rates along body axes, (6,) [m/s^2, rad/s^2]
-        """
-        n = self.nodes
-        n["on"].set_double_value(0.0)
-        for path, value in commands.items():
-            self.node(path).set_double_value(value)
-        values = [*attitude, *(x / M_PER_FT for x in velocity), *rates]
-        names = ["roll_ic", "pitch_ic", "yaw_ic", "u_ic", "v_ic", "w_ic", "p_ic", "q_ic", "r_ic"]
-        for name, value in zip(names, values, strict=True):
-            n[name].set_double_value(float(value))
-        self._run_ic()
-        for _ in range(3):  # forces that depend on accelerations come back one evaluation later
-            self.evaluate()
-        read = [n[k].get_double_value() for k in ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")]
-        return np.array([*(M_PER_FT * x for x in read[:3]), *read[3:]])
 
     # -- flying
 

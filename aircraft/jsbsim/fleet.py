@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aircraft.airframe import Airframe
-from aircraft.jsbsim.fdm import Fdm, Start, telemetry
+from aircraft.airframes.schema import Airframe
+from aircraft.jsbsim.fdm import Fdm, telemetry
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin, motion, positions
+from aircraft.jsbsim.rest import Start
 from filters.model import Array, Command, State
 
 NOT_FINITE = "state not finite"

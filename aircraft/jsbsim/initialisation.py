@@ -1,38 +1,18 @@
-"""How a flight begins: steady flight, found on the model itself, with the autopilot settled in it."""
+"""Starts a flight: steady flight found on the model itself, with the autopilot settled in it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from aircraft.jsbsim.fdm import Fdm
-
-Array = NDArray[np.float64]
+from aircraft.jsbsim.errors import FdmError
+from aircraft.jsbsim.rest import ACCELERATIONS, Instance, Start, initialise, place
 
 G_MPS2 = 9.80665
-
-
-class FdmError(RuntimeError):
-    """JSBSim could not load, start or fly an airframe."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """Where an aircraft begins: position [m], course [rad], ground speed, climb rate and wind [m/s], ENU."""
-
-    x: float
-    y: float
-    z: float
-    theta: float
-    v: float
-    zeta: float = 0.0
-    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -51,7 +31,7 @@ class Trim:
     rudder: float = 0.0
 
 
-def trim(fdm: Fdm, start: Start, omega: float = 0.0) -> Trim:
+def trim(fdm: Instance, start: Start, omega: float = 0.0) -> Trim:
     """Steady flight at the start's place and air-relative velocity, turning at `omega` [rad/s].
 
     With a rudder it is free of sideslip, without one the sideslip is what it is. Leaves JSBSim initialised
@@ -60,7 +40,7 @@ def trim(fdm: Fdm, start: Start, omega: float = 0.0) -> Trim:
     from scipy.optimize import root
 
     n, name = fdm.nodes, fdm.airframe.name
-    air, _ = fdm.place(start)
+    air, _ = place(fdm, start)
     speed = float(np.linalg.norm(air))
     if not speed > 0:
         raise FdmError(f"{name} cannot fly at airspeed {speed:g} m/s")
@@ -68,13 +48,13 @@ def trim(fdm: Fdm, start: Start, omega: float = 0.0) -> Trim:
     n["on"].set_double_value(0.0)
     rudder = fdm.airframe.has_rudder
     inputs = ("elevator", "aileron", "throttle", "rudder") if rudder else ("elevator", "aileron", "throttle")
-    balance = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot", "beta")[: 7 if rudder else 6]
+    balance = (*ACCELERATIONS, "beta") if rudder else ACCELERATIONS
 
     def residuals(unknown: Sequence[Any]) -> list[float]:
         roll, above, aside, *commands = unknown
         for node, value in zip(inputs, commands, strict=True):
             n[node].set_double_value(value)
-        fdm.initialise((roll, climb + above, heading + aside), air, -omega)
+        initialise(fdm, (roll, climb + above, heading + aside), air, -omega)
         return [n[k].get_double_value() for k in balance]
 
     bank = -math.atan(speed * omega / G_MPS2)
@@ -96,12 +76,12 @@ def trim(fdm: Fdm, start: Start, omega: float = 0.0) -> Trim:
     )
 
 
-def start(fdm: Fdm, at: Start) -> Trim:
+def start(fdm: Instance, at: Start) -> Trim:
     """Trim, take the start's place, velocity and wind, settle the autopilot's states and switch it on."""
     n = fdm.nodes
     found = trim(fdm, at)
-    _, ground = fdm.place(at, correct=True)
-    fdm.initialise((found.roll, found.pitch, found.yaw), ground, 0.0)
+    _, ground = place(fdm, at, correct=True)
+    initialise(fdm, (found.roll, found.pitch, found.yaw), ground, 0.0)
     fdm.blow(at.wind)
     fdm.command(at.v, 0.0, at.zeta)
     # Initialising knew no wind: evaluate everything again without moving, and keep the old acceleration,
@@ -118,7 +98,7 @@ def start(fdm: Fdm, at: Start) -> Trim:
     return found
 
 
-def _settle(fdm: Fdm, wanted: str, target: float, integral: str) -> None:
+def _settle(fdm: Instance, wanted: str, target: float, integral: str) -> None:
     """Choose an integrator's state so that the autopilot's output is `target`, by secants."""
     n = fdm.nodes
 

@@ -12,10 +12,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from aircraft.airframe import Airframe, load
-from aircraft.jsbsim.fdm import Fdm, FdmError, Start, Trim
+from aircraft.airframes.schema import Airframe, folder_of, read_airframe
+from aircraft.jsbsim.errors import FdmError
+from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
-from aircraft.jsbsim.initialisation import G_MPS2
+from aircraft.jsbsim.initialisation import G_MPS2, Trim
+from aircraft.jsbsim.rest import Start
 
 _ANY_DT_S = 0.005  # trim does not move
 
@@ -83,7 +85,7 @@ def feedforward(airframe: Airframe, count: int = 15) -> dict[str, float]:
 
 def main(name: str) -> None:
     """Print the fitted lines of an airframe."""
-    for key, value in feedforward(load(name)).items():
+    for key, value in feedforward(read_airframe(folder_of(name))).items():
         print(f"{key} = {value:.6g}")
 
 

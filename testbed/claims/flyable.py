@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from aircraft.airframe import Airframe
+from aircraft.airframes.schema import Airframe
 from filters.barriers.closed_form import Barrier
 from testbed.scenario.scenario import Scenario
 
@@ -19,7 +19,7 @@ def unflyable(s: Scenario, barrier: Barrier, airframes: Sequence[Airframe]) -> l
     """
     if s.plant != "jsbsim" or not s.barrier.shared:
         return []
-    from aircraft.jsbsim.fdm import FdmError
+    from aircraft.jsbsim.errors import FdmError
     from aircraft.jsbsim.trim import trim
 
     gamma = barrier.manoeuvre(s.vehicles)

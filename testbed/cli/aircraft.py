@@ -14,7 +14,7 @@ from testbed.cli.common import show_named
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
-    from aircraft.airframe import Airframe
+    from aircraft.airframes.schema import Airframe
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -36,7 +36,8 @@ OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what
 @app.command("list", epilog="Example: testbed aircraft list --json")
 def list_(as_json: JsonOption = False) -> None:
     """The airframes that come with the testbed."""
-    from aircraft.airframe import load, names
+    from aircraft.airframe import load
+    from aircraft.airframes.schema import names
 
     rows = {name: load(name).title for name in names()}
     show_named(rows, as_json)
@@ -55,7 +56,7 @@ def describe(
 ) -> None:
     """A datasheet: geometry, trim, envelope, modes, margins, steps; with --out a page with plots."""
     from aircraft.datasheets.datasheet import describe as measure
-    from aircraft.jsbsim.fdm import FdmError
+    from aircraft.jsbsim.errors import FdmError
     from testbed.records.store import check_free, plain
     from testbed.report.aircraft_tables import markdown, tables
 
@@ -92,7 +93,7 @@ def check(
     as_json: JsonOption = False,
 ) -> None:
     """Lint an airframe: files, properties, inertia, controls, thrust, stall, trim; with remedies."""
-    from aircraft.airframe import folder_of
+    from aircraft.airframes.schema import folder_of
     from aircraft.check.check import NOT_SEEN
     from aircraft.check.check import check as lint
 
@@ -143,15 +144,13 @@ def copy(
 
 def airframe_of(name: str, gains: Path | None = None) -> Airframe:
     """An airframe by name or folder, with the gains of a file if given; a mistake is one line."""
-    from aircraft.airframe import load
+    from aircraft.airframe import load, load_gains
     from aircraft.autopilots.gains import gain_faults
 
     try:
         airframe = load(name)
         if gains is not None:
-            from aircraft.autopilots.gains import read
-
-            airframe = read(gains, airframe)
+            airframe = load_gains(gains, airframe)
     except (FileNotFoundError, ValueError) as error:
         raise UserError(str(error)) from None
     if faults := gain_faults(airframe):

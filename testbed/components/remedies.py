@@ -8,7 +8,7 @@ from math import radians
 
 import numpy as np
 
-from aircraft.airframe import Airframe, Channel
+from aircraft.airframes.schema import Airframe, Channel
 from aircraft.kinematic import Lag
 from filters.barriers.closed_form import Barrier
 from filters.constraints import Margin

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aircraft.airframe import Airframe
+from aircraft.airframes.schema import Airframe
 from aircraft.datasheets.actuator_limits import actuator_limits
 from filters.model import Array
 

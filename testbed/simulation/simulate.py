@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from aircraft.airframe import Airframe
+from aircraft.airframes.schema import Airframe
 from aircraft.plant import Plant
 from aircraft.replay import Replay
 from filters.barriers.closed_form import Barrier, all_pairs

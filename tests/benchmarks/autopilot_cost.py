@@ -18,9 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-from aircraft.airframe import load, names
-from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.airframe import load
+from aircraft.airframes.schema import names
+from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.rest import Start
 
 LEVEL = Start(0.0, 0.0, 0.0, 0.0, 20.0)
 

@@ -16,8 +16,9 @@ from statistics import median
 import numpy as np
 
 from aircraft.airframe import load
-from aircraft.jsbsim.fdm import Fdm, Start
+from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.rest import Start
 from testbed.scenario.scenario import Scenario
 from testbed.simulation import simulate
 

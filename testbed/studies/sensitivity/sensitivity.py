@@ -19,7 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from aircraft.airframe import Airframe, load
+from aircraft.airframe import load
+from aircraft.airframes.schema import Airframe
 
 TURN = math.radians(11.7)  # rad/s
 _SPEED_MPS = 20.0

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-    from aircraft.airframe import Airframe
+    from aircraft.airframes.schema import Airframe
     from testbed.scenario.scenario import Scenario
     from testbed.studies.tuning.sweeps import Sweep
 

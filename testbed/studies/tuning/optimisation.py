@@ -25,7 +25,7 @@ from testbed.studies.tuning.provenance import changed_gains, fingerprint, proven
 from testbed.studies.tuning.tuning import Tuned
 
 if TYPE_CHECKING:
-    from aircraft.airframe import Airframe
+    from aircraft.airframes.schema import Airframe
     from aircraft.autopilots.specification import Row
 
 # What is varied unless --vary says otherwise: gains of each channel, and the rows they move.
@@ -87,7 +87,7 @@ def search(job: Search) -> dict[str, Any]:
     """Gains found from one start, their cost over all rows, and how many evaluations it took."""
     from aircraft.airframe import load
     from aircraft.autopilots.specification import evaluate
-    from aircraft.jsbsim.initialisation import FdmError
+    from aircraft.jsbsim.errors import FdmError
 
     base = load(job.airframe).with_gains(dict(job.base))
     book = Notebook(job.memory)

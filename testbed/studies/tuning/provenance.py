@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from aircraft.airframe import Airframe
+    from aircraft.airframes.schema import Airframe
 
 
 def provenance_of(command: str, airframe: Airframe) -> dict[str, Any]:

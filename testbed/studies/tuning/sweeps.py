@@ -14,7 +14,7 @@ import numpy as np
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
-    from aircraft.airframe import Airframe
+    from aircraft.airframes.schema import Airframe
     from aircraft.autopilots.specification import Row
 
 SWEPT_GROUPS = ("turn", "speed", "climb", "all", "margins")

@@ -20,7 +20,7 @@ from testbed.studies.tuning.sweeps import MOST_POINTS, Point, Sweep, measure
 if TYPE_CHECKING:
     import pandas as pd
 
-    from aircraft.airframe import Airframe
+    from aircraft.airframes.schema import Airframe
     from testbed.scenario.scenario import Scenario
 
 

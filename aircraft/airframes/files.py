@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from aircraft.airframe import Airframe, said
-from aircraft.check.xml import Element, RefusedError, read
+from aircraft.airframes.schema import Airframe, read_airframe
+from aircraft.airframes.xml import Element, RefusedError, read
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def read_folder(folder: Path) -> tuple[Files | None, list[Finding]]:
             Finding("files", "error", toml, None, "does not exist", "copy the one of the x8 and edit it")
         ]
     try:
-        airframe = said(folder)
+        airframe = read_airframe(folder)
     except ValueError as error:
         message = str(error).removeprefix(f"{folder / toml}: ").removeprefix(f"{folder.resolve() / toml}: ")
         return None, [

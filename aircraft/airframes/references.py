@@ -1,43 +1,27 @@
-"""References to properties that nobody makes: JSBSim loads them, and takes the process with it later."""
+"""Finds references to properties that do not exist: JSBSim loads them, and aborts the process later."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 
-from aircraft.airframe import AIRFRAMES, Airframe
-from aircraft.check.files import Files, Finding, read_folder
-from aircraft.check.rules import declared
-from aircraft.jsbsim.initialisation import FdmError
+from aircraft.airframes.files import Files, Finding
 
 _REFERENCES = {"property", "p", "input", "independentVar"}
 _NUMBERS_OR_PROPERTIES = {"gain", "min", "max", "c1", "c2", "kp", "ki", "kd", "lag", "rate_limit"}
 
 
-# Fingerprints of airframes that were looked at, in this process.
-_resolved: set[str] = set()
-
-
-class UnresolvedError(FdmError):
-    """A model refers to properties that nobody makes."""
-
-    def __init__(self, airframe: Airframe, findings: list[Finding]) -> None:
-        first = findings[0]
-        super().__init__(f"{airframe.folder / first.file}:{first.line}: {first.message}; {first.remedy}")
-        self.findings = findings
-
-
-def resolve(airframe: Airframe, exists: Callable[[str], bool]) -> None:
-    """UnresolvedError for a loaded model that does not come with the package and that `unresolved` faults."""
-    if airframe.folder.parent == AIRFRAMES.resolve():
-        return
-    mark = airframe.fingerprint()
-    if mark in _resolved:
-        return
-    files, _ = read_folder(airframe.folder)
-    if files is not None and (findings := list(unresolved(files, exists))):
-        raise UnresolvedError(airframe, findings)
-    _resolved.add(mark)
+def declared(files: Files) -> set[str]:
+    """Properties that the files themselves make: declarations, components, functions and their outputs."""
+    names = set()
+    for tree in files.trees.values():
+        for e in tree.walk():
+            if ("value" in e.attributes and e.name == "property") or e.name == "output":
+                names.add(e.text.lstrip("-"))
+            if "name" in e.attributes and e.name not in ("contact", "location", "axis", "channel", "system"):
+                name = e.attributes["name"]
+                names |= {name, "fcs/" + name.replace(" ", "-").lower()}
+    return names
 
 
 def unresolved(files: Files, exists: Callable[[str], bool]) -> Iterator[Finding]:

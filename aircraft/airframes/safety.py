@@ -11,10 +11,9 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from aircraft.airframe import Airframe
-from aircraft.check.files import PLACES, Files, Finding, read_folder
-from aircraft.check.rules import output
-from aircraft.check.xml import Element, RefusedError, read
+from aircraft.airframes.files import PLACES, Files, Finding, read_folder
+from aircraft.airframes.schema import Airframe
+from aircraft.airframes.xml import Element, RefusedError, read
 
 MOST_FILES, MOST_BYTES = 1000, 50_000_000
 # Of JSBSim's own controls a model may ask for the time; the others write files or stop the simulation.
@@ -67,6 +66,17 @@ def dangers(folder: Path) -> Iterator[Finding]:
     every = Files(files.folder, files.airframe, trees)
     yield from output(every)
     yield from _rules(every)
+
+
+def output(files: Files) -> list[Finding]:
+    """A model's own files and sockets; a component's <output> is something else."""
+    says = {"output": "writes files wherever the program runs", "input": "opens a socket"}
+    return [
+        Finding("output", "error", file, e.line, f"<{name}> {what}", "remove it")
+        for name, what in says.items()
+        for file, e in files.elements(name)
+        if e.parent is not None and e.parent.name == "fdm_config"
+    ]
 
 
 def _rules(files: Files) -> Iterator[Finding]:

@@ -1,0 +1,1 @@
+"""Airframe folders: their schema and safe reading, and the airframes that come with the package."""

@@ -1,0 +1,97 @@
+"""The autopilot's equations evaluated and differentiated here, instead of in JSBSim."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aircraft.airframes.schema import Airframe
+from aircraft.autopilots.equations import of_airframe
+
+Array = NDArray[np.float64]
+
+
+def loops(airframe: Airframe) -> dict[str, str]:
+    """Plant inputs that the autopilot drives and that have a probe: name -> JSBSim property."""
+    mine = of_airframe(airframe)
+    outputs = {e.name: e.output for channel in mine.channels for e in channel.equations if e.output}
+    named = [i.removesuffix("_probe") for i in mine.inputs if i.endswith("_probe")]
+    return {name: str(outputs[f"{name}_norm"]) for name in named}
+
+
+@dataclass(frozen=True)
+class LinearAutopilot:
+    """memory' = a memory + b used + e probe; command = c memory + d used + probe."""
+
+    a: Array
+    b: Array
+    e: Array
+    c: Array
+    d: Array
+
+
+_CALLS: dict[str, Any] = {
+    "min": lambda *a: np.minimum.reduce(np.broadcast_arrays(*a)),
+    "max": lambda *a: np.maximum.reduce(np.broadcast_arrays(*a)),
+    "clip": lambda x, low, high: np.maximum(low, np.minimum(x, high)),
+    "where": np.where,
+    "abs": np.abs,
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "atan": np.arctan,
+}
+
+
+def evaluate(airframe: Airframe, values: Mapping[str, Any]) -> dict[str, Any]:
+    """One period of the autopilot's equations, here instead of in JSBSim; values may be arrays.
+
+    values  every name the equations use or assign, `dt` in seconds; returns them after the period.
+    """
+    now: dict[str, Any] = {**airframe.gain_values(), **values}
+    for channel in of_airframe(airframe).channels:
+        # A channel is on or off as a whole; perturbations do not switch it.
+        if channel.condition is None or np.all(now[channel.condition] != 0):
+            for e in channel.equations:
+                now[e.name] = eval(_compiled(e.formula), {"__builtins__": {}, **_CALLS}, now)
+    return now
+
+
+@cache
+def _compiled(formula: str) -> Any:
+    return compile(ast.parse(formula, mode="eval"), "<autopilot.eq>", "eval")
+
+
+def linearise(
+    airframe: Airframe, memory: Mapping[str, float], dt: float, names: tuple[str, ...]
+) -> LinearAutopilot:
+    """The equations' derivatives around `memory`, by central differences, all columns in one evaluation."""
+    assigned, used = of_airframe(airframe).assigned(), list(of_airframe(airframe).uses)
+    probes = [f"{name}_probe" for name in names]
+    columns = [*assigned, *used, *probes]
+    centre = np.array([memory[n] for n in columns])
+    steps = 1e-6 * np.maximum(np.abs(centre), 1e-2)
+    steps[len(assigned) + used.index("dt")] = 0.0
+    shifts = np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
+    values: dict[str, Any] = {**memory, **dict(zip(columns, centre[:, None] + shifts, strict=True)), "dt": dt}
+    after = evaluate(airframe, values)
+    n = len(columns)
+    outputs = [*assigned, *(f"{name}_norm" for name in names)]
+    spread = np.array([np.broadcast_to(after[o], 2 * n) for o in outputs])
+    jacobian = (spread[:, :n] - spread[:, n:]) / (2 * np.where(steps == 0, 1.0, steps))
+    s, u = len(assigned), len(assigned) + len(used)
+    # Only what is read before it is assigned is memory.
+    kept = np.flatnonzero(np.any(jacobian[:, :s] != 0, axis=0))
+    return LinearAutopilot(
+        jacobian[np.ix_(kept, kept)],
+        jacobian[kept, s:u],
+        jacobian[kept, u:],
+        jacobian[s:][:, kept],
+        jacobian[s:, s:u],
+    )

@@ -1,0 +1,96 @@
+"""Loads an airframe's model into JSBSim: the only import of jsbsim.
+
+What JSBSim lets pass in silence, or answers by ending the process, is an exception here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import jsbsim
+
+from aircraft.airframes.files import read_folder
+from aircraft.airframes.references import unresolved
+from aircraft.airframes.schema import AIRFRAMES, Airframe
+from aircraft.jsbsim.errors import FdmError, UnresolvedError
+
+Executive = jsbsim.FGFDMExec
+Node = jsbsim.FGPropertyNode
+
+# Fingerprints of the airframes whose references were checked in this process.
+_resolved: set[str] = set()
+
+
+class _Quiet(jsbsim.FGLogger):
+    """Drops JSBSim's banner and notes and keeps its errors for our own messages."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.errors: list[str] = []
+        self._level = jsbsim.LogLevel.INFO
+
+    def set_level(self, level: jsbsim.LogLevel) -> None:
+        self._level = level
+
+    def message(self, message: str) -> None:
+        if self._level.value >= jsbsim.LogLevel.ERROR.value:
+            self.errors.append(message.strip())
+
+    def file_location(self, filename: str, line: int) -> None: ...
+
+    def format(self, format: jsbsim.LogFormat) -> None: ...
+
+    def flush(self) -> None: ...
+
+
+def load(airframe: Airframe, dt: float) -> Executive:
+    """A JSBSim instance with this airframe's model, stepping every dt seconds.
+
+    Engines and systems come from the airframe's folder only. JSBSim keeps the dt that it was loaded with.
+    Raises  FdmError when the model is missing or malformed; UnresolvedError when it refers to properties that
+            do not exist, which JSBSim would answer later by aborting the process
+    """
+    folder, model = airframe.folder, airframe.model
+    log = _Quiet()
+    jsbsim.set_logger(log)
+    executive = jsbsim.FGFDMExec(None)
+    executive.set_debug_level(0)
+    executive.set_dt(dt)
+    where = folder / f"{model}.xml"
+    try:
+        loaded = executive.load_model_with_paths(
+            model, str(folder), str(folder / "engine"), str(folder / "systems"), False
+        )
+    except RuntimeError as e:
+        keep_for_ever(executive)
+        raise FdmError(f"{where}: {e} {' '.join(log.errors)}") from None
+    if not loaded:
+        keep_for_ever(executive)
+        raise FdmError(f"{where} or a file that it names is missing: {' '.join(log.errors)}")
+    try:
+        _resolve(airframe, executive)
+    except FdmError:
+        keep_for_ever(executive)
+        raise
+    return executive
+
+
+def keep_for_ever(executive: Executive) -> None:
+    """Never delete an instance whose model did not load: its destructor may abort the process."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(executive))
+
+
+def _resolve(airframe: Airframe, executive: Executive) -> None:
+    """UnresolvedError for a model that does not come with the package and refers to unknown properties."""
+    if airframe.folder.parent == AIRFRAMES.resolve():
+        return
+    mark = airframe.fingerprint()
+    if mark in _resolved:
+        return
+    manager = executive.get_property_manager()
+    files, _ = read_folder(airframe.folder)
+    if files is not None:
+        findings = list(unresolved(files, lambda path: manager.get_node(path) is not None))
+        if findings:
+            raise UnresolvedError(airframe, findings)
+    _resolved.add(mark)
