@@ -5,12 +5,15 @@ import shutil
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aircraft.airframe import load
+from aircraft.airframes.schema import RECORDED_ANGLES
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin, ecef, geodetic, motions, positions
-from aircraft.jsbsim.rest import Start
+from aircraft.jsbsim.properties import TELEMETRY
+from aircraft.jsbsim.rest import Start, rotation
 
 CALM = (0.0, 0.0, 0.0)
 
@@ -146,3 +149,14 @@ def test_nothing_is_printed(capfd):
     started(Start(0.0, 0.0, 0.0, 0.0, 20.0)).run(CALM, 10)
     out, err = capfd.readouterr()
     assert out == "" and err == ""
+
+
+def test_the_rotation_is_scipys() -> None:
+    for angles in np.random.default_rng(3).uniform(-3.0, 3.0, (50, 3)):
+        np.testing.assert_allclose(
+            rotation(*angles), Rotation.from_euler("ZYX", angles[::-1]).as_matrix(), atol=1e-14
+        )
+
+
+def test_no_surface_may_take_the_name_of_an_angle_that_is_recorded() -> None:
+    assert {name for name in TELEMETRY if name.endswith("_rad")} < RECORDED_ANGLES

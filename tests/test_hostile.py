@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from aircraft import airframe
-from aircraft.airframes.schema import AIRFRAMES
+from aircraft.airframes.schema import AIRFRAMES, names
 from aircraft.textfile import LARGEST_BYTES, read_toml
 from testbed.errors import UserError
 from testbed.scenario.scenario import load
@@ -125,7 +125,7 @@ def test_a_folder_that_is_more_than_an_airframe_is_refused(folder: Path, what: s
 def test_our_own_airframes_are_safe_by_the_same_rules(folder: Path) -> None:
     from aircraft.airframes.safety import dangers
 
-    for name in airframe.names():
+    for name in names():
         assert list(dangers(AIRFRAMES / name)) == []
     assert airframe.load(folder).gains == airframe.load("x8").gains
 

@@ -52,7 +52,11 @@ class Instance(Protocol):
 
 
 def rotation(roll: float, pitch: float, yaw: float) -> Array:
-    """Body axes to north-east-down (3, 3), angles in rad."""
+    """Body axes to north-east-down (3, 3), angles in rad.
+
+    Written out: scipy's Rotation takes 22 us instead of 4 us, the trim calls this some hundred times, and
+    another rounding of the start is a visibly different flight in turbulence. A test compares the two.
+    """
     (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
     return np.array(
         [
@@ -88,7 +92,7 @@ def place(fdm: Instance, start: Start, correct: bool = False) -> tuple[Array, Ar
 def initialise(fdm: Instance, attitude: tuple[float, float, float], velocity: Array, yaw_rate: float) -> None:
     """Initialise at roll, pitch, yaw [rad], velocity over the ground [m/s, north-east-down] and the yaw rate
     of a steady turn [rad/s, clockwise]."""
-    turn = rotation(*attitude).T
+    turn = np.ascontiguousarray(rotation(*attitude).T)
     rates = turn @ np.array([0.0, 0.0, yaw_rate])
     _write(fdm, attitude, turn @ velocity, rates)
     fdm.run_ic()

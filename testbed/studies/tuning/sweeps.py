@@ -79,7 +79,7 @@ def measure(point: Point) -> dict[str, Any]:
     """Step scores, margins and, with a scenario, the guarantee at one point; NaN where it cannot fly."""
     from aircraft.airframe import load
     from aircraft.autopilots.specification import evaluate
-    from aircraft.jsbsim.initialisation import FdmError
+    from aircraft.jsbsim.errors import FdmError
 
     airframe = load(point.airframe).with_gains(dict(point.gains))
     row: dict[str, Any] = dict(point.gains)
