@@ -81,8 +81,6 @@ class KinematicFleet:
     dt           period [s]
     lags         one triple (v, omega, zeta) per vehicle, or one for all; None tracks commands perfectly, the
                  exact arc
-    start_speed  ground speed at t = 0 [m/s], one or (N,); without lags the first command replaces it
-    start_wind   wind at t = 0 [m/s], (3,) or (N, 3)
     """
 
     def __init__(
@@ -90,8 +88,6 @@ class KinematicFleet:
         vehicles: int,
         dt: float = 0.005,
         lags: Sequence[Lag] | Sequence[Sequence[Lag]] | None = None,
-        start_speed: float | Array = 20.0,
-        start_wind: Array | Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         if vehicles < 1:
             raise ValueError("a fleet needs at least one vehicle")
@@ -100,18 +96,27 @@ class KinematicFleet:
         self.dt = dt
         self._vehicles = vehicles
         self._channels = None if lags is None else _Channels(_triples(lags, vehicles), dt)
-        self._start_speed = np.broadcast_to(np.asarray(start_speed, dtype=float), (vehicles,))
-        self._start_wind = np.broadcast_to(np.asarray(start_wind, dtype=float), (vehicles, 3))
 
-    def reset(self, state: State, rng: np.random.Generator) -> None:
-        """Start at `state` (N,), straight and level at the start speed. `rng` is not used."""
+    def reset(
+        self,
+        state: State,
+        rng: np.random.Generator,
+        wind: Array | Sequence[float] = (0.0, 0.0, 0.0),
+        speed: Array | float = 20.0,
+    ) -> None:
+        """Start at `state` (N,), straight and level. `rng` is not used.
+
+        wind   m/s, (3,) or (N, 3)
+        speed  ground speed [m/s], one or (N,); without lags the first command replaces it
+        """
         if len(state) != self._vehicles:
             raise ValueError(f"{self._vehicles} vehicles cannot start at {len(state)} poses")
         if not np.all(state.isfinite()):
             raise ValueError(f"the start must be finite, got {state}")
         self._state = State.of(state.array().copy())
-        self._rates = np.stack([self._start_speed, np.zeros(len(state)), np.zeros(len(state))], axis=-1)
-        self._wind = self._start_wind.copy()
+        self._rates = np.zeros((self._vehicles, 3))
+        self._rates[:, 0] = speed
+        self._wind = np.array(np.broadcast_to(np.asarray(wind, dtype=float), (self._vehicles, 3)))
         if self._channels:
             self._channels.reset(self._rates)
 
@@ -164,3 +169,6 @@ class KinematicFleet:
     def faults(self) -> list[str]:
         """A unicycle has none."""
         return [""] * self._vehicles
+
+    def close(self) -> None:
+        """Nothing is held."""

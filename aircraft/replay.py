@@ -1,4 +1,4 @@
-"""A plant that remembers what it was told, so that its flight can be left at any moment."""
+"""Wraps a plant and records its commands and wind, so that its flight can be branched at any time."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Replay:
         self._make = make
         self._plant = make()
         self.dt = self._plant.dt
-        self._start: tuple[State, np.random.Generator] | None = None
+        self._start: tuple[State, np.random.Generator, Array, Array] | None = None
         self._told: list[tuple[Command, Array, int]] = []
 
-    def reset(self, state: State, rng: np.random.Generator) -> None:
-        self._start = (state, _copy(rng))
+    def reset(self, state: State, rng: np.random.Generator, wind: Array, speed: Array) -> None:
+        self._start = (state, _copy(rng), wind, speed)
         self._told = []
-        self._plant.reset(state, rng)
+        self._plant.reset(state, rng, wind, speed)
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
         # Kept as copies: the caller may reuse its arrays.
@@ -46,6 +46,9 @@ class Replay:
     def faults(self) -> list[str]:
         return self._plant.faults()
 
+    def close(self) -> None:
+        self._plant.close()
+
     def branch(self, t: float) -> Plant:
         """A plant at time `t` [s] of this flight; flying it leaves this one untouched.
 
@@ -60,8 +63,8 @@ class Replay:
                 f"cannot branch at {t:g} s: the flight lasted {flown * self.dt:g} s in steps of {self.dt:g} s"
             )
         plant = self._make()
-        state, rng = self._start
-        plant.reset(state, _copy(rng))
+        state, rng, air, speed = self._start
+        plant.reset(state, _copy(rng), air, speed)
         for command, wind, n in self._told:
             if left == 0:
                 break

@@ -12,7 +12,7 @@ import testbed
 from aircraft import airframe, plant
 from filters import filter as filters_
 from testbed.components import guidance
-from testbed.environment import disturbance
+from testbed.environment import atmosphere, observation
 from testbed.records import run
 
 INTRODUCTION = """\
@@ -48,7 +48,13 @@ For hundreds of runs use `testbed campaign run`: it flies them in parallel and g
 Mistakes are raised as `testbed.UserError`, in one line. The fields of a scenario are in
 [scenarios.md](scenarios.md).
 """
-PROTOCOLS = (plant.Plant, filters_.Filter, guidance.Guidance, disturbance.Disturbance)
+PROTOCOLS = (
+    plant.Plant,
+    filters_.Filter,
+    guidance.Guidance,
+    atmosphere.Atmosphere,
+    observation.Observation,
+)
 FUNCTIONS = (airframe.load, airframe.copy)
 TABLES = {
     "run.vehicles": run.VEHICLE_COLUMNS,

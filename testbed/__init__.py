@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from testbed.records.store import load as load
     from testbed.scenario.scenario import Scenario as Scenario
     from testbed.scenario.scenario import load as load_scenario
+    from testbed.simulation.session import Session as Session
+    from testbed.simulation.session import assemble as assemble
     from testbed.simulation.simulate import run as run
     from testbed.studies.comparison.comparison import compare as compare
 
@@ -30,10 +32,23 @@ _HOMES = {
     "load": ("testbed.records.store", "load"),
     "Run": ("testbed.records.run", "Run"),
     "Parts": ("testbed.components.components", "Parts"),
+    "Session": ("testbed.simulation.session", "Session"),
+    "assemble": ("testbed.simulation.session", "assemble"),
     "UserError": ("testbed.errors", "UserError"),
 }
 
-__all__ = ["Parts", "Run", "Scenario", "UserError", "compare", "load", "load_scenario", "run"]
+__all__ = [
+    "Parts",
+    "Run",
+    "Scenario",
+    "Session",
+    "UserError",
+    "assemble",
+    "compare",
+    "load",
+    "load_scenario",
+    "run",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -20,6 +20,7 @@ from aircraft.kinematic import KinematicFleet
 from filters.model import Array, Command
 from filters.qp.single import Status
 from testbed.components import catalogue
+from testbed.components.components import Parts
 from testbed.records.checksums import plain
 from testbed.records.run import Run
 from testbed.records.verdict import Kind
@@ -81,13 +82,11 @@ UNICYCLES = {
 
 @pytest.mark.parametrize("fault", UNICYCLES)
 @pytest.mark.parametrize("monitor", ["false", "true"])
-def test_a_plant_that_fails_ends_the_run(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fault: str, monitor: str
-) -> None:
+def test_a_plant_that_fails_ends_the_run(tmp_path: Path, fault: str, monitor: str) -> None:
     plant, said = UNICYCLES[fault]
     whole = run(load("paper-2-turn", BRIEF))
-    monkeypatch.setitem(catalogue.PLANTS, "unicycle", lambda s, wind: plant(s.vehicles, s.rates.fdm_dt_s))
-    result = run(load("paper-2-turn", [*BRIEF, f"filter.monitor={monitor}"]), tmp_path / "r")
+    parts = Parts(plant=lambda s, wind: plant(s.vehicles, s.rates.fdm_dt_s))
+    result = run(load("paper-2-turn", [*BRIEF, f"filter.monitor={monitor}"]), tmp_path / "r", parts=parts)
     broken(result, said, "")
     same_until_then(result, whole, [1, 2])
 
@@ -120,19 +119,23 @@ def failing(made: Callable[..., Any], what: object) -> Callable[..., Any]:
     return answer
 
 
-def test_a_controller_that_wants_no_number_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = catalogue.NOMINALS["near-identity"]
+def viewing(guidance: Callable[..., Command]) -> Callable[..., Command]:
+    return lambda t, view: guidance(t, view)
+
+
+def test_a_controller_that_wants_no_number_ends_the_run() -> None:
     bad = Command([20.0, math.nan], [0.0, 0.0], [0.0, 0.0])
-    monkeypatch.setitem(catalogue.NOMINALS, "near-identity", lambda s, g, b: failing(made(s, g, b), bad))
-    result = run(load("paper-2-turn", BRIEF))
+    parts = Parts(nominal=lambda *made_from: viewing(failing(catalogue.nominal(*made_from), bad)))
+    result = run(load("paper-2-turn", BRIEF), parts=parts)
     broken(result, "deciding failed: ValueError: the nominal command of vehicle 2 is not finite", "0.5")
 
 
-def test_a_filter_that_raises_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = catalogue.FILTERS["centralised"]
+def test_a_filter_that_raises_ends_the_run() -> None:
     error = np.linalg.LinAlgError("singular")
-    monkeypatch.setitem(catalogue.FILTERS, "centralised", lambda s, b, g: failing(made(s, b, g), error))
-    broken(run(load("paper-2-turn", BRIEF)), "deciding failed: LinAlgError: singular", "at 0.500 s")
+    parts = Parts(filter=lambda *made_from: failing(catalogue.filter_(*made_from), error))
+    broken(
+        run(load("paper-2-turn", BRIEF), parts=parts), "deciding failed: LinAlgError: singular", "at 0.500 s"
+    )
 
 
 def test_a_barrier_that_is_no_number_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -228,7 +231,7 @@ AIRCRAFT: dict[str, tuple[str, Callable[[Fdm], None], str, list[str]]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", AIRCRAFT)
-def test_an_aircraft_that_is_lost_ends_the_run(monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
+def test_an_aircraft_that_is_lost_ends_the_run(fault: str) -> None:
     airframe, befall, said, more = AIRCRAFT[fault]
 
     class Sabotaged(JsbsimFleet):
@@ -244,12 +247,8 @@ def test_an_aircraft_that_is_lost_ends_the_run(monkeypatch: pytest.MonkeyPatch, 
     s = load("paper-2-turn", [*BRIEF, "plant=jsbsim", "filter.kind=none", f"airframes=['{airframe}']", *more])
     whole = run(s)
     assert whole.manifest["ended_early"] is None
-    monkeypatch.setitem(
-        catalogue.PLANTS,
-        "jsbsim",
-        lambda s, wind: Sabotaged(catalogue.airframes(s), s.rates.fdm_dt_s, s.start.speed_mps, wind),
-    )
-    result = run(s)
+    parts = Parts(plant=lambda s, wind: Sabotaged(catalogue.airframes(s), s.rates.fdm_dt_s))
+    result = run(s, parts=parts)
     broken(result, said, "")
     same_until_then(result, whole, [1])
 

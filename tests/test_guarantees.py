@@ -14,7 +14,7 @@ from filters.model import Command, Limits, State
 from testbed.claims.guarantees import Flown, judge
 from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
-from testbed.components import catalogue
+from testbed.components.components import Parts
 from testbed.measures.run_statistics import Extreme, RunStatistics
 from testbed.measures.saturation import Saturation
 from testbed.records.verdict import Kind, Verdict
@@ -67,9 +67,9 @@ class Falling(KinematicFleet):
         return ["", "ground" if self.steps * self.dt >= 0.5 else ""]
 
 
-def test_a_vehicle_lost_ends_the_run_and_nothing_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(catalogue.PLANTS, "unicycle", lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
-    result = run(load("paper-2-turn"))
+def test_a_vehicle_lost_ends_the_run_and_nothing_holds() -> None:
+    parts = Parts(plant=lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
+    result = run(load("paper-2-turn"), parts=parts)
     assert result.manifest["ended_early"] == "vehicle 2: ground at 0.500 s; run stopped"
     assert "holds" not in {g["verdict"] for g in result.guarantees if g.kind is Kind.GUARANTEE}
     assert result.guarantee("separation")["why"] == result.manifest["ended_early"]

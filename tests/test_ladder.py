@@ -76,7 +76,7 @@ class Lagging(KinematicFleet):
 
 
 def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s, wind: Lagging(s))
+    monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s: Lagging(s))
     beside = ", ".join(f"{{x_m=0, y_m={y}, course_deg=0, goal_x_m=300, goal_y_m={y}}}" for y in (0, 10))
     table_ = [
         "plant=lagged",

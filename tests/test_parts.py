@@ -11,7 +11,8 @@ import testbed
 from aircraft.kinematic import KinematicFleet
 from filters.cbf.collision import Passthrough
 from filters.model import Array, Command, State
-from testbed.environment.disturbance import Disturbances
+from testbed.environment.atmosphere import Air
+from testbed.environment.environment import Surroundings
 from testbed.environment.wind import SteadyWind
 from testbed.scenario.scenario import Scenario
 
@@ -32,8 +33,8 @@ def fleet(s: Scenario, wind: Array) -> KinematicFleet:
     return KinematicFleet(s.vehicles, s.rates.fdm_dt_s)
 
 
-def windy(s: Scenario, rngs: object) -> Disturbances:
-    return Disturbances(SteadyWind(4.0, 0.0))
+def windy(s: Scenario, rngs: object) -> Surroundings:
+    return Surroundings(Air(SteadyWind(4.0, 0.0)))
 
 
 def test_a_run_of_the_scenarios_own_parts_says_nothing_of_parts() -> None:

@@ -22,7 +22,7 @@ CALM = np.zeros((2, 3))
 PLANTS: dict[str, Callable[[], Plant]] = {
     "unicycle": lambda: KinematicFleet(2, DT),
     "lagged": lambda: KinematicFleet(2, DT, lags=(Lag(1.0), Lag(0.35, 0.05), Lag(0.3))),
-    "jsbsim": lambda: JsbsimFleet([load("x8")] * 2, DT, start_speed=20.0),
+    "jsbsim": lambda: JsbsimFleet([load("x8")] * 2, DT),
 }
 
 
@@ -37,7 +37,7 @@ def fly(plant: Plant, first: int, last: int) -> np.ndarray:
 @pytest.fixture(params=PLANTS)
 def plant(request: pytest.FixtureRequest) -> Replay:
     replay = Replay(PLANTS[request.param])
-    replay.reset(START, np.random.default_rng(3))
+    replay.reset(START, np.random.default_rng(3), np.zeros((2, 3)), np.full(2, 20.0))
     return replay
 
 

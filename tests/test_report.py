@@ -207,7 +207,7 @@ def test_a_run_that_ended_early_says_so_and_keeps_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenarios = {p: load("paper-2-turn", [*SHORT, f"plant={p}"]) for p in ("unicycle", "lagged")}
-    monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
+    monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s: Falling(s.vehicles, s.rates.fdm_dt_s))
     compare(scenarios, tmp_path / "r")
     found = seen(tmp_path / "r")
     why = "vehicle 2: ground at 0.200 s; run stopped"

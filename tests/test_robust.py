@@ -260,8 +260,8 @@ STEPS = ("plain", LAGS), ("with delays", LATE), ("no lag", (Lag(), Lag(), Lag())
 def test_the_lagged_pose_is_where_a_unicycle_ends_up_beside_the_lagged_vehicle(name, lags):
     rng = rng_of(6)
     state, speeds, u = random_state(rng, 6), rng.uniform(15, 25, 6), random_rates(rng, 6)
-    fleet = KinematicFleet(6, dt=0.001, lags=lags, start_speed=speeds)
-    fleet.reset(state, rng)
+    fleet = KinematicFleet(6, dt=0.001, lags=lags)
+    fleet.reset(state, rng, speed=speeds)
     pose = LaggedPose([lags], u)(fleet.state(), fleet.achieved())
     fleet.step(u, np.zeros(3), 15_000)
     # The plant turns half a step late, 1e-4 rad over 300 m; without the prediction it is metres.
@@ -271,8 +271,8 @@ def test_the_lagged_pose_is_where_a_unicycle_ends_up_beside_the_lagged_vehicle(n
 def test_the_lagged_pose_moves_as_the_unicycle_while_its_vehicle_flies_the_held_command():
     rng = rng_of(7)
     state, u = random_state(rng), random_rates(rng)
-    fleet = KinematicFleet(2, dt=0.005, lags=LAGS, start_speed=25.0)
-    fleet.reset(state, rng)
+    fleet = KinematicFleet(2, dt=0.005, lags=LAGS)
+    fleet.reset(state, rng, speed=25.0)
     pose = LaggedPose([LAGS], u)
     begin = pose(fleet.state(), fleet.achieved())
     for k in range(1, 11):
@@ -284,8 +284,8 @@ def test_the_lagged_pose_moves_as_the_unicycle_while_its_vehicle_flies_the_held_
 def test_course_and_height_of_the_lagged_pose_follow_any_command_exactly():
     rng = rng_of(8)
     state = random_state(rng)
-    fleet = KinematicFleet(2, dt=0.001, lags=LAGS, start_speed=20.0)
-    fleet.reset(state, rng)
+    fleet = KinematicFleet(2, dt=0.001, lags=LAGS)
+    fleet.reset(state, rng, speed=20.0)
     pose = LaggedPose([LAGS], GAMMA)
     before = pose(fleet.state(), fleet.achieved())
     for _ in range(20):
@@ -299,8 +299,8 @@ def test_course_and_height_of_the_lagged_pose_follow_any_command_exactly():
 
 def test_h_of_the_lagged_pose_is_constant_while_lagged_vehicles_evade():
     state = State([-60.0, 50.0], [2.0, -4.0], [0.1, 3.0], [0.0, 1.0])
-    fleet = KinematicFleet(2, dt=0.005, lags=LAGS, start_speed=25.0)
-    fleet.reset(state, rng_of(9))
+    fleet = KinematicFleet(2, dt=0.005, lags=LAGS)
+    fleet.reset(state, rng_of(9), speed=25.0)
     pose = LaggedPose([LAGS], GAMMA)
     seen, true = [], []
     for _ in range(20):

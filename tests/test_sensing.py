@@ -7,7 +7,7 @@ import pytest
 
 from filters.model import Command, State, View, step
 from testbed.components.initial_conditions import generators
-from testbed.environment.disturbance import Disturbances, build
+from testbed.environment.environment import Surroundings, build
 from testbed.environment.network import Network
 from testbed.environment.sensing import QUANTITIES, Sensing, pack
 from testbed.errors import UserError
@@ -202,10 +202,10 @@ def test_every_setting_reaches_its_quantity_in_si() -> None:
 
 def test_without_disturbance_the_truth_itself_is_what_is_known() -> None:
     truth = moving(0.0)
-    for calm in (Disturbances(), build(load("paper-2-turn", ["stale=extrapolate"]), generators(1))):
+    for calm in (Surroundings(), build(load("paper-2-turn", ["stale=extrapolate"]), generators(1))):
         view = calm.observe(0.0, truth.state, truth.rates)
         assert view.state is truth.state and view.rates is truth.rates
-        assert not calm.windy
+        assert calm.wind(0.0, truth.state) is None
 
 
 @pytest.mark.parametrize(

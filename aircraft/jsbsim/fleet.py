@@ -25,8 +25,6 @@ class JsbsimFleet:
 
     airframes    one per vehicle
     dt           FDM and autopilot period [s]
-    start_speed  ground speed at t = 0 [m/s], one or (N,)
-    start_wind   wind at t = 0 [m/s], (3,) or (N, 3): what the trim, and so the crab angle, is for
     origin       where x = y = z = 0 is
     turbulence   JSBSim's own: wind at 20 ft [m/s] and severity, as in `Fdm.turbulence`; None flies without
     A vehicle that meets a fault stays where it was last well, and the others fly on.
@@ -36,8 +34,6 @@ class JsbsimFleet:
         self,
         airframes: Sequence[Airframe],
         dt: float = 0.005,
-        start_speed: float | Array = 20.0,
-        start_wind: Array | Sequence[float] = (0.0, 0.0, 0.0),
         origin: Origin | None = None,
         turbulence: tuple[float, int] | None = None,
     ) -> None:
@@ -45,33 +41,43 @@ class JsbsimFleet:
             raise ValueError("a fleet needs at least one airframe")
         if not dt > 0:
             raise ValueError(f"the FDM period must be positive, got {dt} s")
-        n = len(airframes)
         self.airframes = list(airframes)
         self.dt = dt
         self.origin = origin or Origin()
         self._turbulence = turbulence
-        self._start_speed = np.broadcast_to(np.asarray(start_speed, dtype=float), (n,))
-        self._start_wind = np.broadcast_to(np.asarray(start_wind, dtype=float), (n, 3))
         self._vehicles: list[Fdm] = []
 
-    def reset(self, state: State, rng: np.random.Generator) -> None:
-        """Fresh aircraft at `state` (N,), trimmed at the start speed in its wind; `rng` seeds turbulence."""
+    def reset(
+        self,
+        state: State,
+        rng: np.random.Generator,
+        wind: Array | Sequence[float] = (0.0, 0.0, 0.0),
+        speed: Array | float = 20.0,
+    ) -> None:
+        """Fresh aircraft at `state` (N,), trimmed; `rng` seeds JSBSim's turbulence.
+
+        wind   m/s, (3,) or (N, 3): what the trim, and so the crab angle, is for
+        speed  ground speed [m/s], one or (N,)
+        Raises  RuntimeError if there is no steady flight at that speed in that wind.
+        """
         if len(state) != len(self.airframes):
             raise ValueError(f"{len(self.airframes)} airframes cannot start at {len(state)} poses")
         if not np.all(state.isfinite()):
             raise ValueError(f"the start must be finite, got {state}")
+        n = len(state)
+        speeds = np.broadcast_to(np.asarray(speed, dtype=float), (n,))
+        winds = np.broadcast_to(np.asarray(wind, dtype=float), (n, 3))
         self._vehicles = [Fdm(airframe, self.dt, self.origin) for airframe in self.airframes]
-        for vehicle, x, y, theta, z, v, wind in zip(
+        for vehicle, x, y, theta, z, v, air in zip(
             self._vehicles,
             *state.array().T.tolist(),
-            self._start_speed.tolist(),
-            self._start_wind.tolist(),
+            speeds.tolist(),
+            winds.tolist(),
             strict=True,
         ):
-            vehicle.start(Start(x, y, z, theta, v, wind=tuple(wind)))
+            vehicle.start(Start(x, y, z, theta, v, wind=tuple(air)))
             if self._turbulence:
                 vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
-        n = len(state)
         self._faults = [""] * n
         self._alike = len({f.channels for f in self._vehicles}) == 1  # the same channels
         most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
@@ -197,6 +203,10 @@ class JsbsimFleet:
     def faults(self) -> list[str]:
         """Per vehicle "", "state not finite", "hit the ground", "stalled" (alpha) or "upset" (bank)."""
         return list(self._faults)
+
+    def close(self) -> None:
+        """Let go of the aircraft."""
+        self._vehicles = []
 
     def __len__(self) -> int:
         return len(self.airframes)

@@ -34,7 +34,7 @@ from testbed.errors import UserError
 from testbed.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
-    from testbed.environment.disturbance import Disturbance
+    from testbed.environment.environment import Environment
 
 PACKAGES = ("jsbsim", "daqp", "osqp", "numpy", "scipy", "pandas", "pyarrow")
 
@@ -174,39 +174,38 @@ def nominal(s: Scenario, goal: Array, b: Barrier) -> Guidance:
     return NOMINALS[s.nominal.controller](s, goal, b)
 
 
-def _unicycle(s: Scenario, wind: Array) -> Plant:
+def _unicycle(s: Scenario) -> Plant:
     from aircraft.kinematic import KinematicFleet
 
-    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, start_wind=wind)
+    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s)
 
 
-def _jsbsim(s: Scenario, wind: Array) -> Plant:
+def _jsbsim(s: Scenario) -> Plant:
     from aircraft.jsbsim.fleet import JsbsimFleet
     from testbed.environment.gusts import JSBSIM_SEVERITY, W20_MPS
 
     own = s.gusts.jsbsim_turbulence
     turbulence = None if own == "none" else (W20_MPS[own], JSBSIM_SEVERITY[own])
-    speed, dt = s.start.speed_mps, s.rates.fdm_dt_s
-    return JsbsimFleet(airframes(s), dt, speed, wind, turbulence=turbulence)
+    return JsbsimFleet(airframes(s), s.rates.fdm_dt_s, turbulence=turbulence)
 
 
-def _lagged(s: Scenario, wind: Array) -> Plant:
+def _lagged(s: Scenario) -> Plant:
     from aircraft.kinematic import KinematicFleet
 
-    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, lags(s), s.start.speed_mps, wind)
+    return KinematicFleet(s.vehicles, s.rates.fdm_dt_s, lags(s))
 
 
 PLANTS = {"unicycle": _unicycle, "lagged": _lagged, "jsbsim": _jsbsim}
 
 
 def plant(s: Scenario, wind: Array | None = None) -> Plant:
-    """The vehicles, ready for `reset` in `wind` (N, 3) m/s; None is calm."""
-    return PLANTS[s.plant](s, np.zeros((s.vehicles, 3)) if wind is None else wind)
+    """The vehicles, to be `reset`; in what `wind` they start is said there, here it is not used."""
+    return PLANTS[s.plant](s)
 
 
-def disturbance(s: Scenario, rngs: dict[str, np.random.Generator]) -> Disturbance:
-    """What disturbs the flight, drawing from the generators named gust, noise and network."""
-    from testbed.environment.disturbance import build
+def disturbance(s: Scenario, rngs: dict[str, np.random.Generator]) -> Environment:
+    """The air and what the vehicles know, drawing from the generators named gust, noise and network."""
+    from testbed.environment.environment import build
 
     return build(s, rngs)
 

@@ -13,7 +13,7 @@ from filters.filter import Choose
 from filters.model import Array
 from testbed.components import catalogue
 from testbed.components.guidance import Guidance
-from testbed.environment.disturbance import Disturbance
+from testbed.environment.environment import Environment
 from testbed.scenario.scenario import Scenario
 
 
@@ -25,14 +25,14 @@ class Parts:
                  evading manoeuvre is flown as well
     filter       (scenario, barrier, goal (N, 3) m) -> `filters.filter.Filter`, or any callable
     nominal      (scenario, goal (N, 3) m, barrier) -> `testbed.components.guidance.Guidance`
-    disturbance  (scenario, generators by name) -> `testbed.environment.disturbance.Disturbance`
+    disturbance  (scenario, generators by name) -> `testbed.environment.environment.Environment`
     A scenario file cannot name code: parts of one's own come from Python alone.
     """
 
     plant: Callable[[Scenario, Array], Plant] = catalogue.plant
     filter: Callable[[Scenario, Barrier, Array], Choose] = catalogue.filter_
     nominal: Callable[[Scenario, Array, Barrier], Guidance] = catalogue.nominal
-    disturbance: Callable[[Scenario, dict[str, np.random.Generator]], Disturbance] = catalogue.disturbance
+    disturbance: Callable[[Scenario, dict[str, np.random.Generator]], Environment] = catalogue.disturbance
 
     def own(self) -> dict[str, str]:
         """The parts that are not the catalogue's -> the Python name of their maker."""

@@ -1,4 +1,4 @@
-"""Controllers that seek the goal and know nothing of the other vehicles."""
+"""Guidance laws: they seek the goal and know nothing of the other vehicles."""
 
 from __future__ import annotations
 
@@ -7,14 +7,22 @@ from typing import Protocol
 
 import numpy as np
 
-from filters.model import Array, Command, State
+from filters.model import Array, Command, View
 
 
 class Guidance(Protocol):
-    """The controller that the filter alters: the input u_hat (N,) wanted at time t [s] in `state` (N,)."""
+    """What the vehicles want: the nominal command that the filter alters.
 
-    def __call__(self, t: float, state: State) -> Command:
-        """The input u_hat (N,) wanted at time t [s] in `state` (N,); it may lie outside the limits."""
+    A guidance law of your own may ask for the poses alone instead of the view: name its second parameter
+    anything but `view`, such as `state`, and it is called with the `State` (N,) that each vehicle knows of
+    itself (see `testbed.components.border`).
+    """
+
+    def __call__(self, t: float, view: View) -> Command:
+        """The nominal command u_hat (N,) at time t [s]; it may lie outside the limits.
+
+        view  what each vehicle knows of itself, arrays (N,)
+        """
         ...
 
 
@@ -25,15 +33,17 @@ class NearIdentity:
     goal       (N, 3)  m
     lookahead  m, the paper's lambda
     gain       1/s, on position and on height
-    The result is not clamped: the filter's box does that (Squires et al. 2022, III.D). The state may also be
-    (instants, N).
+    The result is not clamped: the filter's box does that (Squires et al. 2022, III.D). The view's arrays may
+    also be (instants, N).
     """
 
     goal: Array
     lookahead: float = 1.0
     gain: float = 0.1
 
-    def __call__(self, t: float, state: State) -> Command:
+    def __call__(self, t: float, view: View) -> Command:
+        """As `Guidance.__call__`."""
+        state = view.state
         ex = self.gain * (self.goal[:, 0] - state.x)
         ey = self.gain * (self.goal[:, 1] - state.y)
         c, s = np.cos(state.theta), np.sin(state.theta)
@@ -48,5 +58,6 @@ class Constant:
 
     command: Command
 
-    def __call__(self, t: float, state: State) -> Command:
+    def __call__(self, t: float, view: View) -> Command:
+        """As `Guidance.__call__`."""
         return self.command

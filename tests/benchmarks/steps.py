@@ -57,9 +57,9 @@ def active_moments(s: Scenario, count: int) -> tuple[CollisionFilter, list[Momen
     filter_ = CollisionFilter(barrier, catalogue.alpha(s), mode=s.filter.kind)  # type: ignore[arg-type]
     limits, nominal = catalogue.limits(s), catalogue.nominal(s, goal, barrier)
     found: list[Moment] = []
-    state = start
+    state, level = start, Command.of(np.zeros((s.vehicles, 3)))
     for _ in range(round(2.0 * s.start.radius_m / 15.0 / PERIOD_S)):
-        wanted = nominal(0.0, state)
+        wanted = nominal(0.0, View(state, level))
         view = View(state, wanted)
         decision = filter_(view, wanted, limits)
         if decision.override.sum() > s.vehicles // 2:
@@ -152,9 +152,10 @@ def against_fresh_osqp(bare: BareStep, moments: int) -> dict[str, float]:
     differenced = ForwardDifference(barrier)
     every = s.filter_steps // moments
     state, ours, fresh, apart = start, [], [], []
+    level = Command.of(np.zeros((s.vehicles, 3)))
     bare.measure()
     for k in range(s.filter_steps):
-        wanted = nominal(0.0, state)
+        wanted = nominal(0.0, View(state, level))
         m = Moment(View(state, wanted), wanted, limits)
         decision = filter_(m.view, wanted, limits)
         if k % every == every // 2:

@@ -6,7 +6,7 @@ python docs/guide/examples/own_disturbance.py
 import numpy as np
 
 import testbed
-from testbed.environment.disturbance import build
+from testbed.environment.environment import build
 
 CORE_MPS = 3.0
 RADIUS_M = 60.0
@@ -15,13 +15,13 @@ RADIUS_M = 60.0
 class Thermal:
     """Rising air about the origin. What vehicles know is left to the scenario's sensing and network."""
 
-    windy = True  # whether the air moves at all; it is asked for often where it does
-
     def __init__(self, scenario, generators):
         self.usual = build(scenario, generators)
 
     def wind(self, t, state):
-        air = self.usual.wind(t, state)  # (N, 3) m/s: east, north, up
+        air = self.usual.wind(t, state)  # (N, 3) m/s: east, north, up; None in still air
+        if air is None:
+            air = np.zeros((len(state), 3))
         air[:, 2] += CORE_MPS * np.exp(-(state.x**2 + state.y**2) / RADIUS_M**2)
         return air
 

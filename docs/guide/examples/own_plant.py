@@ -17,11 +17,10 @@ class Banked:
 
     def __init__(self, scenario, wind):
         self.dt = scenario.rates.fdm_dt_s
-        self.start_speed = scenario.start.speed_mps
 
-    def reset(self, state, rng):
+    def reset(self, state, rng, wind, speed):
         self.now, self.bank = state, np.zeros(len(state))
-        self.rates = Command(np.full(len(state), self.start_speed), self.bank.copy(), self.bank.copy())
+        self.rates = Command(speed, self.bank.copy(), self.bank.copy())
 
     def step(self, command, wind, n):
         track = np.empty((n, len(self.now), 3))

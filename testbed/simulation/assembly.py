@@ -1,0 +1,131 @@
+"""Puts the pieces of one run together: first what the scenario alone decides, then the parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aircraft.airframes.schema import Airframe
+from aircraft.plant import Plant
+from aircraft.replay import Replay
+from filters.barriers.closed_form import Barrier, all_pairs
+from filters.filter import Choose, declaration
+from filters.model import Array, Limits, State
+from testbed.claims.guarantees import H_TOLERANCE_M
+from testbed.components import catalogue
+from testbed.components.border import adapt_guidance, adapt_plant
+from testbed.components.components import Parts
+from testbed.components.guidance import Guidance
+from testbed.components.initial_conditions import generators, places
+from testbed.environment.environment import Environment
+from testbed.errors import UserError
+from testbed.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What the scenario alone decides.
+
+    start, goal   (N,) and (N, 3) m
+    i, j          (P,) vehicles of each pair, from 0
+    started_safe  whether h >= 0 for all pairs at t = 0
+    """
+
+    scenario: Scenario
+    rngs: dict[str, np.random.Generator]
+    start: State
+    goal: Array
+    limits: Limits
+    barrier: Barrier
+    i: np.ndarray
+    j: np.ndarray
+    started_safe: bool
+
+
+def set_up(s: Scenario, force: bool) -> Setting:
+    """Start, goals, limits and barrier of `s`.
+
+    force   accept a start outside the safe set
+    Raises  UserError for a start outside the safe set, two vehicles at one place, or a barrier that is none.
+    """
+    rngs = generators(s.seed)
+    start, goal = places(s, rngs["start"])
+    barrier = catalogue.barrier(s)
+    i, j = all_pairs(s.vehicles)
+    safe = _check_start(barrier, start, i, j, force)
+    return Setting(s, rngs, start, goal, catalogue.limits(s), barrier, i, j, safe)
+
+
+@dataclass(frozen=True, eq=False)
+class Assembled:
+    """The parts of one run, made and reset.
+
+    air       (N, 3) m/s, the wind at the start; None in still air
+    replay    the plant where branches of the flight are wanted, else None
+    aircraft  one airframe per vehicle, where aircraft of the catalogue fly; else none
+    valued    the barrier whose values the catalogue's own filter returns; None where they are not trusted
+    """
+
+    environment: Environment
+    plant: Plant
+    filter: Choose
+    guidance: Guidance
+    air: Array | None
+    replay: Replay | None
+    aircraft: Sequence[Airframe]
+    valued: Barrier | None
+
+
+def put_together(setting: Setting, parts: Parts) -> Assembled:
+    """Make every part once, and the plant ready to fly.
+
+    Raises  UserError where there is no steady flight at the start.
+    """
+    s, own = setting.scenario, parts.own()
+    environment = parts.disturbance(s, setting.rngs)
+    air = environment.wind(0.0, setting.start)
+    wind = np.zeros((s.vehicles, 3)) if air is None else air
+
+    def make() -> Plant:
+        return adapt_plant(parts.plant(s, wind))
+
+    # Remembering the flight costs memory that grows with it: only where branches are wanted.
+    replay = Replay(make) if s.checks.manoeuvre_instants else None
+    plant = replay or make()
+    try:
+        plant.reset(setting.start, setting.rngs["plant"], wind, np.full(s.vehicles, s.start.speed_mps))
+    except RuntimeError as error:  # no steady flight at the start, in this wind
+        raise UserError(f"start: {error}") from None
+    aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in own else []
+    filter_ = parts.filter(s, setting.barrier, setting.goal)
+    guidance = adapt_guidance(parts.nominal(s, setting.goal, setting.barrier))
+    valued = None if "filter" in own else declaration(filter_).barrier
+    return Assembled(environment, plant, filter_, guidance, air, replay, aircraft, valued)
+
+
+def position(state: State) -> Array:
+    """Positions (N, 3) m, east, north and up."""
+    return np.stack([state.x, state.y, state.z], axis=-1)
+
+
+def _check_start(barrier: Barrier, start: State, i: np.ndarray, j: np.ndarray, force: bool) -> bool:
+    """Whether h >= 0 for every pair; refused without `force`, and two vehicles at one place always."""
+    if not i.size:
+        return True
+    place = position(start)
+    distance = np.linalg.norm(place[i] - place[j], axis=-1)
+    p = int(np.argmin(distance))
+    if distance[p] == 0.0:
+        raise UserError(f"vehicles {i[p] + 1} and {j[p] + 1} start at one place, {place[i[p]]} m")
+    h = barrier.values(start).h
+    p = int(np.argmin(h))
+    if h[p] >= -H_TOLERANCE_M:
+        return True
+    if not force:
+        raise UserError(
+            f"the start is outside the safe set: h = {h[p]:.3f} for vehicles {i[p] + 1} and {j[p] + 1},"
+            f" {distance[p]:.1f} m apart; --force flies it all the same"
+        )
+    return False

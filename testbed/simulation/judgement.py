@@ -1,0 +1,80 @@
+"""Judges a finished flight: its verdicts and its manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from aircraft.airframes.schema import Airframe
+from filters.filter import declaration
+from filters.model import Array, State
+from testbed.claims import guarantees, judging, manoeuvre
+from testbed.claims.flyable import unflyable
+from testbed.claims.monitored import monitored
+from testbed.claims.premises import premises
+from testbed.components import catalogue
+from testbed.components.initial_conditions import generators
+from testbed.measures.run_statistics import RunStatistics
+from testbed.measures.solo_time import solo_time
+from testbed.records.run import Run
+from testbed.scenario.scenario import SCHEMA_VERSION, Scenario
+from testbed.simulation.assembly import Assembled, Setting, position
+
+
+def judge(
+    setting: Setting, made: Assembled, statistics: RunStatistics, own: dict[str, str], end: str | None
+) -> Run:
+    """The run, with all claims judged; its tables and its wall time are left to the caller.
+
+    own  the parts that are not the scenario's -> whose they are
+    end  why the run ended before its time, or None
+    """
+    s, barrier, limits = setting.scenario, setting.barrier, setting.limits
+    start = position(setting.start)
+    straight = np.linalg.norm(setting.goal - start, axis=-1)
+    alone = solo_time(made.guidance, limits, start, setting.goal, s.goal_radius_m)
+    flown = guarantees.Flown(s, statistics, setting.i, setting.j, setting.started_safe, end, straight, alone)
+    # What a plant of one's own can fly steadily is not known: that is no pass.
+    unknown = [f"unknown whether {own['plant']} can fly it"] if "plant" in own else []
+    verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, made.aircraft))
+    verdicts += guarantees.judge(flown)
+    if made.replay is not None and statistics.near_misses is not None and end is None:
+        statistics.near_misses.close()
+        when = manoeuvre.instants(s, statistics.near_misses, s.duration_s)
+
+        def wind(t: float, state: State) -> Array:
+            air = made.environment.wind(t, state)
+            return np.zeros((s.vehicles, 3)) if air is None else air
+
+        verdicts.append(
+            manoeuvre.fly(s, made.replay.branch, wind, barrier, limits, when, setting.i, setting.j)
+        )
+    manifest = _manifest(s, statistics, end, made.aircraft) | ({"parts": own} if own else {})
+    record = declaration(made.filter).record
+    if record is not None:
+        verdicts += monitored(record, s)
+        manifest["qp_cost"] = {
+            "steps": record.compared,
+            "centralised": record.cost,
+            "limited": record.cost_limited,
+        }
+    return Run(manifest, judging.void(verdicts, end), {})
+
+
+def _manifest(
+    s: Scenario, statistics: RunStatistics, end: str | None, aircraft: Sequence[Airframe]
+) -> dict[str, Any]:
+    steps = max(1, statistics.filter_steps)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "scenario": s.model_dump(mode="json"),
+        "seed_streams": list(generators(s.seed)),
+        "versions": catalogue.versions(),
+        "airframes": catalogue.airframe_hashes(s, aircraft),
+        "ended_early": end,
+        "filter_steps": statistics.filter_steps,
+        "worst_qp_residual": statistics.worst_residual,
+        "override_share": (statistics.override_steps / steps).tolist(),
+    }

@@ -1,0 +1,278 @@
+"""Session: a run that is stepped one filter period at a time, and judged when it is over."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from filters.filter import Decision
+from filters.model import Array, Command, State, View
+from testbed.components import catalogue
+from testbed.components.components import Parts
+from testbed.measures.near_misses import NearMisses
+from testbed.measures.run_statistics import RunStatistics
+from testbed.measures.saturation import Saturation
+from testbed.records.run import MemorySink, RowWriter, Run, Sink
+from testbed.scenario import capacity
+from testbed.scenario.scenario import Scenario
+from testbed.simulation import termination
+from testbed.simulation.assembly import Assembled, Setting, position, put_together, set_up
+from testbed.simulation.judgement import judge
+from testbed.simulation.recorder import Recorder
+from testbed.simulation.step_buffer import StepBuffer
+
+# Gusts change within a long filter period: the air is asked at least so often [s].
+WIND_PERIOD_S = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Where the vehicles are at time t, and what was flown over the filter period that led there.
+
+    t         s
+    state     (N,) the true poses
+    rates     (N,) the true ground speeds, course rates and climb rates
+    view      what the vehicles know; None where the run ended before they could know it
+    air       (N, 3) m/s, the wind where they are; None in still air
+    nominal   (N,) what guidance, or the caller, wanted over the period that led here; None at the start
+    decision  what the filter made of it; None at the start
+    done      whether the run is over: at its full duration, or by a fault
+    fault     why it ended early, or None
+    """
+
+    t: float
+    state: State
+    rates: Command
+    view: View | None
+    air: Array | None
+    nominal: Command | None
+    decision: Decision | None
+    done: bool
+    fault: str | None
+
+
+def assemble(
+    scenario: Scenario, parts: Parts | None = None, *, force: bool = False, sink: Sink | None = None
+) -> Session:
+    """A session of `scenario`, to be `reset`.
+
+    parts   plant, filter, guidance or environment of your own; None is the scenario's
+    force   fly even from a start outside the safe set
+    sink    where the tables go; None keeps them in memory. A session with a sink can be reset once
+    Raises  UserError if the tables would not fit in memory
+    """
+    if sink is None:
+        capacity.check_in_memory(scenario)
+    return Session(scenario, parts or Parts(), force, sink)
+
+
+class Session:
+    """A run in steps: `reset`, `step` until a step is done, `judge`; or `for step in session`, then `judge`.
+
+    See `assemble`. Iterating resets the session and steps it to its end by the scenario's own guidance.
+    """
+
+    def __init__(self, scenario: Scenario, parts: Parts, force: bool, sink: Sink | None) -> None:
+        self.scenario = scenario
+        self._parts, self._force, self._sink = parts, force, sink
+        self._setting: Setting | None = None
+        self._made: Assembled | None = None
+        self._run: Run | None = None
+
+    def reset(self) -> Step:
+        """Make all parts anew and start at t = 0; the step has no decision yet.
+
+        Raises  UserError for a start outside the safe set, two vehicles at one place, or no steady flight;
+                RuntimeError if a session with a sink of its own is reset again
+        """
+        if self._setting is not None and self._sink is not None:
+            raise RuntimeError("this session has written to its sink; assemble another one")
+        self.close()
+        self._began = time.perf_counter()
+        _keep_freed_memory()
+        s, self._run = self.scenario, None
+        self._end: str | None = None
+        setting = self._setting = set_up(s, self._force)
+        made = self._made = put_together(setting, self._parts)
+        near_misses = NearMisses(setting.i.size, s.d_safe_m) if made.replay else None
+        self._statistics = RunStatistics(s.vehicles, Saturation(made.aircraft), near_misses)
+        self._statistics.start(position(setting.start), setting.goal, s.goal_radius_m)
+        self._memory = MemorySink() if self._sink is None else None
+        self._rows = RowWriter(self._sink or self._memory)  # type: ignore[arg-type]
+        self._buffer = StepBuffer(s.vehicles, s.rates.fdm_steps)
+        self._recorder = Recorder(
+            self._buffer,
+            self._statistics,
+            self._rows,
+            setting.barrier,
+            catalogue.alpha(s),
+            setting.limits,
+            s.rates.filter_dt_s,
+            s.rates.fdm_dt_s,
+            made.air is not None,
+        )
+        self._still = np.zeros((s.vehicles, 3))
+        self._waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
+        self._count, self._recorded, self._commanded, self._unfiltered = 0, False, False, False
+        self._nominal: Command | None = None
+        self._decision: Decision | None = None
+        return self._arrive(None, True)
+
+    def step(self, commands: Command | None = None, *, filtered: bool = True) -> Step:
+        """Fly one filter period, and return where it led.
+
+        commands  (N,) wanted instead of what guidance wants, at once and without its delay; the filter alters
+                  it. None asks guidance. At the run's last instant nothing is flown any more: what was given
+                  for the last period is recorded there too
+        filtered  False flies what is wanted as it is, past the filter and unclipped
+        Raises    RuntimeError if the session was not reset, or its run is over; ValueError if `commands` are
+                  not finite, or not one per vehicle
+        """
+        if self._made is None or self._now.done or self._run is not None:
+            raise RuntimeError("no run to step: reset() starts one")
+        if commands is not None:
+            self._check(commands)
+        t, dt, n = self._now.t, self.scenario.rates.filter_dt_s, self.scenario.rates.fdm_steps
+        if not self._decide(commands, filtered):
+            return self._stopped()
+        assert self._decision is not None
+        try:
+            track = self._advance(self._decision.command, t, self._now.air, n)
+            fault = termination.lost(self._made.plant.faults(), track)
+        except Exception as error:
+            fault = termination.raised("flying", error)
+        if fault is not None:
+            self._end = f"{fault} at {t + dt:.3f} s; run stopped"
+            return self._stopped()
+        self._buffer.move(track)
+        self._count += 1
+        return self._arrive(commands, filtered)
+
+    def judge(self) -> Run:
+        """The run and its verdicts. Before the run is done this ends it early, and nothing holds.
+
+        Raises  RuntimeError if the session was not reset
+        """
+        if self._run is not None:
+            return self._run
+        if self._setting is None or self._made is None:
+            raise RuntimeError("no run to judge: reset() starts one")
+        if not self._now.done:
+            self._end = f"judged before its end at {self._now.t:.3f} s; run stopped"
+        self._recorder.close()
+        self._rows.close()
+        given = {"nominal": "commands given step by step"} if self._commanded else {}
+        given |= {"filter": "passed by on request"} if self._unfiltered else {}
+        own = self._parts.own() | given
+        self._run = judge(self._setting, self._made, self._statistics, own, self._end)
+        self._run.timing = {"wall_s": time.perf_counter() - self._began}
+        if self._memory is not None:
+            self._run.tables = self._memory.tables()
+        self.close()
+        return self._run
+
+    def close(self) -> None:
+        """Close the plant; a run that was not judged is lost. May be called twice."""
+        if self._made is not None:
+            self._made.plant.close()
+            self._made = None
+
+    def __iter__(self) -> Iterator[Step]:
+        step = self.reset()
+        yield step
+        while not step.done:
+            step = self.step()
+            yield step
+
+    def _arrive(self, commands: Command | None, filtered: bool) -> Step:
+        """See where the vehicles are; at the last instant decide once more, for the record."""
+        assert self._made is not None
+        t = self._count * self.scenario.rates.filter_dt_s
+        plant, environment = self._made.plant, self._made.environment
+        truth, rates = plant.state(), plant.achieved()
+        last = self._count == self.scenario.filter_steps
+        view, air = None, None
+        try:
+            air, view = environment.wind(t, truth), environment.observe(t, truth, rates)
+        except Exception as error:
+            self._end = f"{termination.raised('deciding', error)} at {t:.3f} s; run stopped"
+        flown = self._nominal, self._decision
+        self._now = Step(t, truth, rates, view, air, *flown, last or self._end is not None, self._end)
+        if last and self._end is None and not self._decide(commands, filtered):
+            self._now = Step(t, truth, rates, view, air, *flown, True, self._end)
+        return self._now
+
+    def _decide(self, commands: Command | None, filtered: bool) -> bool:
+        """Take the decision for now and put the step into the buffer; False if a part failed."""
+        assert self._made is not None and self._setting is not None
+        now, made, step = self._now, self._made, self._count
+        assert now.view is not None
+        try:
+            if commands is None:
+                self._waiting.append(made.guidance(now.t, now.view.own()))
+                wanted = self._waiting.popleft()
+            else:
+                wanted, self._commanded = commands, True
+            if filtered:
+                decision = made.filter(now.view, wanted, self._setting.limits)
+            else:
+                decision, self._unfiltered = _unfiltered(wanted), True
+        except Exception as error:
+            self._end = f"{termination.raised('deciding', error)} at {now.t:.3f} s; run stopped"
+            return False
+        self._nominal, self._decision = wanted, decision
+        # The step before, if recorded, needs to know what came of it.
+        recorded, before = step % self.scenario.rates.record_steps == 0, self._recorded
+        self._recorded = recorded
+        telemetry = made.plant.telemetry() if recorded or before else {}
+        # The filter's own barrier values are the true ones only without disturbances and remedies.
+        true = filtered and now.view.state is now.state and made.valued is self._setting.barrier
+        if self._buffer.full:
+            self._recorder.look()
+        air = self._still if now.air is None else now.air
+        self._buffer.add(now.t, now.state, now.rates, air, wanted, decision, true, recorded, telemetry)
+        return True
+
+    def _advance(self, command: Command, t: float, air: Array | None, n: int) -> Array:
+        """Fly `command` for n periods from time t, where the wind is `air`; positions (n, N, 3) m."""
+        assert self._made is not None
+        plant, environment = self._made.plant, self._made.environment
+        if air is None:
+            return plant.step(command, self._still, n)
+        most = max(1, int(WIND_PERIOD_S / plant.dt + 1e-9))
+        track = [plant.step(command, air, min(most, n))]
+        for k in range(most, n, most):
+            now = environment.wind(t + k * plant.dt, plant.state())
+            track.append(plant.step(command, self._still if now is None else now, min(most, n - k)))
+        return track[0] if len(track) == 1 else np.concatenate(track)
+
+    def _stopped(self) -> Step:
+        """The step at which a run ends early: where the vehicles were last."""
+        n = self._now
+        self._now = Step(n.t, n.state, n.rates, n.view, n.air, self._nominal, self._decision, True, self._end)
+        return self._now
+
+    def _check(self, commands: Command) -> None:
+        if commands.shape != (self.scenario.vehicles,):
+            raise ValueError(
+                f"commands are one per vehicle, ({self.scenario.vehicles},), got {commands.shape}"
+            )
+        if not commands.isfinite().all():
+            raise ValueError(f"commands must be finite, got {commands}")
+
+
+def _unfiltered(wanted: Command) -> Decision:
+    """The decision to fly what is wanted as it is."""
+    zeros = np.zeros(len(wanted))
+    return Decision(wanted, zeros.astype(int), zeros, zeros.astype(bool), zeros, None, np.zeros(0))
+
+
+def _keep_freed_memory() -> None:
+    """Let what one step frees serve the next: otherwise every large array is mapped anew, page by page."""
+    # glibc keeps blocks up to the size of the largest mapped one ever freed, 32 MiB at most. With 100
+    # vehicles that halves the barrier's time; elsewhere it does nothing.
+    np.empty(31 << 20, dtype=np.uint8)
