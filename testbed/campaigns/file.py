@@ -7,9 +7,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from aircraft.textfile import parse_toml, read_toml
+from testbed.claims.registry import JUDGED, SEPARATION, START_SAFE
 from testbed.errors import UserError, nearest, short
 from testbed.scenario.scenario import explain
 from testbed.scenario.tables import Name, Section
@@ -18,17 +19,16 @@ SCHEMA_VERSION = 1
 MOST_RUNS = 1_000_000
 Seed = Annotated[int, Field(ge=0, le=2**62)]
 Values = Annotated[list[Any], Field(min_length=1, max_length=10_000)]
-Guarantee = Literal[
-    "separation",
-    "safe-set",
-    "barrier-condition",
-    "zcbf-condition",
-    "qp-feasibility",
-    "command-limits",
-    "rows-satisfied",
-    "goal",
-    "manoeuvre-keeps-Ds",
-]
+GUARANTEES = [claim.id for claim in JUDGED]
+
+
+def _judged(name: str) -> str:
+    if name not in GUARANTEES:
+        raise ValueError(f"input should be {', '.join(map(repr, GUARANTEES[:-1]))} or {GUARANTEES[-1]!r}")
+    return name
+
+
+Guarantee = Annotated[str, AfterValidator(_judged), Field(json_schema_extra={"enum": GUARANTEES})]
 Two = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -100,9 +100,9 @@ class Campaign(Section):
         default=None, description="how many; with [stop] the last look says it"
     )
     first_seed: Seed = 1
-    guarantee: Guarantee = Field(default="separation", description="whose violations are counted, looked at")
+    guarantee: Guarantee = Field(default=SEPARATION.id, description="whose violations are counted, looked at")
     keep: Literal["none", "violations", "all"] = Field(default="none", description="run folders to keep")
-    force: bool = Field(default=True, description="fly starts outside the safe set too; `start-safe` tells")
+    force: bool = Field(default=True, description=f"fly unsafe starts too; `{START_SAFE.id}` tells")
     set: dict[str, Any] = Field(default={}, description="fields of the base scenario")
     plants: list[str] = Field(default=[], description="axis: unicycle, lagged, jsbsim")
     filters: list[str] = Field(default=[], description="axis: filter.kind")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from filters.cbf.theorem_monitor import theorem_checks
 from filters.filter import MonitorRecord
 from testbed.claims.registry import check_claim
 from testbed.records.verdict import Status, Verdict
 from testbed.scenario.scenario import Scenario
 
+MONITORED = tuple(check_claim(name, check.claim) for name, check in theorem_checks().items())
 # Of the monitor's checks, those that are premises of a theorem, not conclusions: one that fails violates
 # nothing.
 PREMISES = ("aligned", "aligned_limited", "gradient")

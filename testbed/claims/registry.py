@@ -1,13 +1,13 @@
 """Lists every claim that a run is judged by: its number, kind, text, source, quantity and unit.
 
-Whoever needs a claim's name takes it from here; no other module of the project spells it.
+Whoever needs a claim's name takes it from here; no other module of the project spells it. The claims that a
+theorem monitor checks stand in `filters.cbf.theorem_monitor`; `testbed.claims.monitored` lists them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from filters.cbf.theorem_monitor import theorem_checks
 from testbed.records.verdict import Kind, Verdict
 
 
@@ -174,14 +174,17 @@ GUARANTEES = (
     GOAL,
     INTERVENTION,
 )
+CLAIMS = {claim.id: claim for claim in (*PREMISES, *GUARANTEES, MANOEUVRE_KEEPS_DS)}
+# What a run can lose: intervention is reported, not judged.
+JUDGED = (*(claim for claim in GUARANTEES if claim is not INTERVENTION), MANOEUVRE_KEEPS_DS)
+
+
+def check_id(name: str) -> str:
+    """The id of the claim that a theorem monitor's check `name` makes."""
+    return f"monitor-{name}"
 
 
 def check_claim(name: str, text: str) -> Claim:
     """The claim that a check `name` of a theorem monitor makes; a unit stands in brackets behind its text."""
     claim, _, unit = text.rstrip("]").partition(" [")
-    return Claim(f"monitor-{name}", "M", Kind.MONITOR, claim, "Theorems 3 and 4", "smallest seen", unit)
-
-
-MONITORED = tuple(check_claim(name, check.claim) for name, check in theorem_checks().items())
-
-CLAIMS = {claim.id: claim for claim in (*PREMISES, *GUARANTEES, MANOEUVRE_KEEPS_DS, *MONITORED)}
+    return Claim(check_id(name), "M", Kind.MONITOR, claim, "Theorems 3 and 4", "smallest seen", unit)

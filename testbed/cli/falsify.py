@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from testbed.claims.registry import SAFE_SET, SEPARATION
 from testbed.cli.common import (
     JsonOption,
     OutOption,
@@ -24,7 +25,7 @@ EXAMPLES = (
     "Examples: testbed falsify paper-20-turn --budget 200;"
     " testbed falsify paper-2-turn --plant jsbsim --set filter_dt_s=0.05 --set ds_buffer_m=2 --wind 8"
 )
-GUARANTEES = ("separation", "safe-set")
+GUARANTEES = (SEPARATION.id, SAFE_SET.id)
 
 
 def falsify(
@@ -32,7 +33,7 @@ def falsify(
     budget: Annotated[
         int, typer.Option("--budget", help="most runs of the search, and of the shrinking")
     ] = 200,
-    guarantee: Annotated[str, typer.Option("--guarantee", help="separation or safe-set")] = "separation",
+    guarantee: Annotated[str, typer.Option("--guarantee", help=" or ".join(GUARANTEES))] = SEPARATION.id,
     lateral: Annotated[float | None, typer.Option("--lateral", help="of each start, m; default 10")] = None,
     heading: Annotated[float | None, typer.Option("--heading", help="of each start, deg; default 5")] = None,
     height: Annotated[float | None, typer.Option("--height", help="of each start, m; default 1")] = None,

@@ -1,4 +1,4 @@
-"""`testbed verify`: h and every verdict again from the recorded positions."""
+"""`testbed verify`: computes h and every verdict again from the recorded positions."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def verify(
     run: Annotated[Path, typer.Argument(help="a run's folder")],
     fly: Annotated[
         bool,
-        typer.Option("--fly", help="fly it again as well, and compare bit for bit: settles what is open"),
+        typer.Option("--fly", help="fly the run again as well and compare bit for bit; decides what is open"),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Work out h and the verdicts of a finished run anew, from its positions and by other formulas.
+    """Compute h and the verdicts of a finished run again, from its positions and by other formulas.
 
-    Values agree within what is printed; open is what the record cannot decide, such as steps that were not
-    recorded. Exit code 1 if anything differs or a file was changed, 2 if the folder cannot be read or lacks
-    rows.
+    Values agree within what is printed. Open means that the record cannot decide it, for example because
+    steps were not recorded. Exit code 1 if anything differs or a file was changed, 2 if the folder cannot be
+    read or lacks rows.
     """
     from testbed.verification.check import verify as check
 
@@ -56,23 +56,23 @@ def verify(
 
 
 def _table(title: str, findings: list[Finding]) -> Table:
-    """What the run says and what we find, within 80 columns."""
+    """What the run states and what we compute, within 80 columns."""
     from rich.table import Table
     from rich.text import Text
 
     table = Table(title=Text(title), title_justify="left", pad_edge=False, padding=(0, 1), box=None)
-    for name in ("", "the run says", "we find", "within", "so it"):
-        table.add_column(name, overflow="fold", no_wrap=name in ("", "within", "so it"))
+    for name in ("", "recorded", "computed", "within", "result"):
+        table.add_column(name, overflow="fold", no_wrap=name in ("", "within", "result"))
     for f in findings:
         within = "-" if f.within is None else f"{f.within:.2g}"
-        # Long names break where they have a dash.
+        # Long names break at a dash.
         what = f.what.replace("monitor-", "").replace("_limited", "-limited")
         table.add_row(*map(Text, (what, f.said, f.own, within, ANSWERS[f.agrees])))
     return table
 
 
 def _reasons(wrong: list[Finding], left: list[Finding]) -> list[str]:
-    """What differs, one each; what is open, by why."""
+    """A line for each finding that differs; findings that are open, grouped by reason."""
     lines = [f"{f.what} differs: {f.why or f.own}" for f in wrong]
     for why in dict.fromkeys(f.why for f in left):
         names = [f.what for f in left if f.why == why]
@@ -83,9 +83,9 @@ def _reasons(wrong: list[Finding], left: list[Finding]) -> list[str]:
 def _last(findings: list[Finding], wrong: list[Finding], left: list[Finding], fly: bool) -> str:
     if wrong:
         return textwrap.fill("differs: " + ", ".join(f.what for f in wrong), 80, subsequent_indent="  ")
-    agreed = f"{len(findings) - len(left)} of {len(findings)} agree"
+    agreed = f"{len(findings) - len(left)} of {len(findings)} verdicts and columns reproduced"
     if not left:
-        return f"{agreed}: everything does"
+        return agreed
     if fly and not any(f.what == "flown again" for f in left):
-        return f"{agreed}, {len(left)} are open to the record alone; flown again, all is the same"
-    return f"{agreed}, {len(left)} are open; --fly flies the run again to settle them"
+        return f"{agreed}; flown again, all is the same"
+    return f"{agreed};\n  {len(left)} cannot be derived from this record (--fly flies the run again)"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from testbed.claims.registry import SEPARATION
 from testbed.records.verdict import Status
 from testbed.report import settings
 from testbed.report.blocks import (
@@ -33,7 +34,7 @@ def part(folder: Path, title: str) -> Part:
     data = json_of(folder / "export.json")
     events = read_csv(text_of(folder / "events.csv"))
     columns = read_csv(text_of(folder / "columns.csv"))
-    guarantee = next(g for g in data["guarantees"] if g["id"] == "separation")
+    guarantee = next(g for g in data["guarantees"] if g["id"] == SEPARATION.id)
     said = guarantee["verdict"] + (f", {guarantee['value']:.3f} m" if guarantee["value"] is not None else "")
     return Part(
         title=title,

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
 from testbed.errors import UserError
 from testbed.regression.baseline import Baseline, read, scenario_of
@@ -35,7 +36,7 @@ class Report:
 
     def rows(self, every: bool = False) -> list[dict[str, Any]]:
         """What is worth a look, or all that was compared."""
-        chosen = [f for f in self.findings if every or f.verdict or f.quantity.name == "separation"]
+        chosen = [f for f in self.findings if every or f.verdict or f.quantity.name == SEPARATION.id]
         return [f.row() for f in chosen]
 
     def as_dict(self) -> dict[str, Any]:
@@ -104,7 +105,7 @@ def _price(recorded: Runs, now: Runs) -> list[str]:
     if not {UNICYCLE, AIRCRAFT} <= now.keys():
         return []
     then, today = (
-        mean(runs[AIRCRAFT]["separation"] - runs[UNICYCLE]["separation"], np.random.default_rng(0))
+        mean(runs[AIRCRAFT][SEPARATION.id] - runs[UNICYCLE][SEPARATION.id], np.random.default_rng(0))
         for runs in (recorded, now)
     )
     return [f"least distance, aircraft minus unicycle [95 %]: recorded {then} m, now {today} m"]

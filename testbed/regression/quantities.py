@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbed.claims import registry
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.verdict import Status
@@ -31,18 +32,22 @@ class Quantity:
     verdict: bool = False
 
 
-# guarantee -> unit, which way is worse, resolution; "h" stands for the unit of h.
+# claim -> which way is worse, resolution.
 _VALUES = {
-    "separation": ("m", -1, 0.01),
-    "safe-set": ("h", -1, 0.01),
-    "barrier-condition": ("h/s", -1, 0.01),
-    "zcbf-condition": ("h/s", -1, 0.01),
-    "qp-feasibility": ("", +1, 1.0),
-    "goal": ("m", +1, 0.1),
-    "intervention": ("", +1, 0.01),
+    registry.SEPARATION: (-1, 0.01),
+    registry.SAFE_SET: (-1, 0.01),
+    registry.BARRIER_CONDITION: (-1, 0.01),
+    registry.ZCBF_CONDITION: (-1, 0.01),
+    registry.QP_FEASIBILITY: (+1, 1.0),
+    registry.GOAL: (+1, 0.1),
+    registry.INTERVENTION: (+1, 0.01),
 }
-# Numbers at rounding size say nothing of these two: only whether they held.
-_JUDGED = (*(name for name in _VALUES if name != "intervention"), "command-limits", "rows-satisfied")
+# Commands and rows come to their bound within rounding: of these two only the status is compared.
+_JUDGED = (
+    *(claim for claim in _VALUES if claim is not registry.INTERVENTION),
+    registry.COMMAND_LIMITS,
+    registry.ROWS_SATISFIED,
+)
 _TRACKING = {
     "speed": ("v_mps", "v_command_mps", 1.0, "m/s"),
     "turn-rate": ("omega_radps", "omega_command_radps", 180.0 / np.pi, "deg/s"),
@@ -59,10 +64,13 @@ DIGITS = 6
 def quantities(s: Scenario) -> list[Quantity]:
     """All that is remembered of a run of `s`, in the order it is shown."""
     h = "m" if s.barrier.form == "root" else "m^2"
-    found = [Quantity(n, unit.replace("h", h), worse, size) for n, (unit, worse, size) in _VALUES.items()]
+    found = [
+        Quantity(claim.id, claim.unit_of(s.barrier.form), worse, size)
+        for claim, (worse, size) in _VALUES.items()
+    ]
     found += [Quantity(f"{n} tracking", unit, +1, 0.01) for n, (*_, unit) in _TRACKING.items()]
     found += [Quantity(_ledger_name(part, q), f"{h}/s", -1, 0.01) for part, q in _LEDGER]
-    found += [Quantity(f"{n} lost", "", +1, 0.0, verdict=True) for n in _JUDGED]
+    found += [Quantity(f"{claim.id} lost", "", +1, 0.0, verdict=True) for claim in _JUDGED]
     return [*found, Quantity(f"not {_END}", "", +1, 0.0, verdict=True)]
 
 
@@ -81,13 +89,15 @@ def fly(job: Job) -> dict[str, float | None]:
     if done.manifest["ended_early"]:
         return {n: 1.0 if n.endswith(" lost") or n == f"not {_END}" else None for n in names}
     verdicts = {v.id: v for v in done.guarantees}
-    row = {n: verdicts[n].value for n in _VALUES}
+    row = {claim.id: verdicts[claim.id].value for claim in _VALUES}
     row |= _tracking(done, s.vehicles)
     quantiles = hdot_ledger.summary(done, _NEAR_H_M)["quantiles"]
     row |= {_ledger_name(part, q): quantiles[part][q] if quantiles else None for part, q in _LEDGER}
-    for name in _JUDGED:
-        status = verdicts[name].status
-        row[f"{name} lost"] = None if status is Status.NOT_APPLICABLE else float(status is not Status.HOLDS)
+    for claim in _JUDGED:
+        status = verdicts[claim.id].status
+        row[f"{claim.id} lost"] = (
+            None if status is Status.NOT_APPLICABLE else float(status is not Status.HOLDS)
+        )
     row[f"not {_END}"] = 0.0
     return {n: _rounded(row[n]) for n in names}
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbed.campaigns.engine import fly_all
+from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
 from testbed.errors import UserError, nearest
 from testbed.regression.baseline import Baseline, differences, parse_file, place, relative, scenario_of, write
@@ -59,7 +60,7 @@ def fly_rungs(
 
 
 def _said(job: Job, row: dict[str, float | None]) -> str:
-    distance = row["separation"]
+    distance = row[SEPARATION.id]
     return f"{job.label}, seed {job.seed}" + (f": {distance:.2f} m" if distance is not None else "")
 
 

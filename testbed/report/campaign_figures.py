@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.claims.registry import SEPARATION
 from testbed.report.style import BLACK, BLUE, LIMIT, PAGE, VERMILION
 
 if TYPE_CHECKING:
@@ -50,6 +51,6 @@ def cells(
     if bound is not None:
         right.axvline(bound, **LIMIT)
     right.set_xlabel(
-        "least distance [m] (dotted: Ds)" if guarantee == "separation" else f"value of {guarantee}"
+        "least distance [m] (dotted: Ds)" if guarantee == SEPARATION.id else f"value of {guarantee}"
     )
     return figure

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.campaigns.folder import MANIFEST, RUNS, SUMMARY
+from testbed.claims.registry import SEPARATION
 from testbed.report import embed, settings
 from testbed.report.blocks import KEPT, LOST, OPEN, Block, Fact, Part, Picture, Section, Table, download
 from testbed.report.style import drawing
@@ -69,7 +70,7 @@ def _guarantee(manifest: Mapping[str, Any]) -> str:
 
 
 def _quantity(guarantee: str) -> str:
-    return "distances [m]" if guarantee == "separation" else f"values of {guarantee}"
+    return "distances [m]" if guarantee == SEPARATION.id else f"values of {guarantee}"
 
 
 def _asked(manifest: Mapping[str, Any]) -> Block:
@@ -118,7 +119,7 @@ def _picture(
     column = f"{guarantee.replace('-', '_')}_value"
     values = [_of_cell(runs, c)[column].dropna().to_numpy(dtype=float) for c in cells]
     base = _base(manifest) or {}
-    bound = base.get("d_safe_m") if guarantee == "separation" else 0.0
+    bound = base.get("d_safe_m") if guarantee == SEPARATION.id else 0.0
     with drawing():
         svg = embed.markup(draw(cells, values, bound, guarantee))
     least = "; ".join(f"{c['cell']}: {c['lost']} of {c['runs']} lost" for c in cells[:MOST_FACTS])

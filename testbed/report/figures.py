@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.claims.registry import SEPARATION
 from testbed.records.run import Run
 from testbed.report.ledger_figures import ledger
 from testbed.report.style import LIMIT, PAGE, drawing, limits, log_distance, save, separation, style
@@ -81,7 +82,7 @@ def panels(runs: Mapping[str, Run]) -> Figure:
 
 def lead(run: Run) -> int:
     """The vehicle worth a closer look: the first of the pair that came closest."""
-    return int(next(iter(run.guarantee("separation")["vehicles"]), 1))
+    return int(next(iter(run.guarantee(SEPARATION.id)["vehicles"]), 1))
 
 
 def aircraft(runs: Mapping[str, Run]) -> Figure:
@@ -98,7 +99,7 @@ def aircraft(runs: Mapping[str, Run]) -> Figure:
             np.degrees(rows.omega_radps - rows.omega_command_radps),
             rows.zeta_mps - rows.zeta_command_mps,
         ]
-        closest = run.guarantee("separation")["t_s"]
+        closest = run.guarantee(SEPARATION.id)["t_s"]
         for a, y in zip(axes, series, strict=True):
             a.plot(rows.t_s, y, label=f"{name}, vehicle {lead(run)}", **look)
             if closest is not None:

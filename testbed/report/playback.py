@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from testbed.claims.registry import BARRIER_CONDITION, SAFE_SET, SEPARATION
 from testbed.records.run import Run
 from testbed.report.style import style
 
@@ -30,9 +31,9 @@ CHANNELS: dict[str, tuple[str, float, float]] = {
 TIME_STEP_S, H_STEP = 1e-4, 1e-3
 # Verdicts whose worst instant is worth a jump.
 MOMENTS = {
-    "separation": "least distance",
-    "safe-set": "least h",
-    "barrier-condition": "least hdot + alpha(h)",
+    SEPARATION.id: "least distance",
+    SAFE_SET.id: "least h",
+    BARRIER_CONDITION.id: "least hdot + alpha(h)",
 }
 
 
@@ -65,7 +66,7 @@ def _plant(name: str, run: Run, most: int) -> dict[str, Any]:
         values = run.vehicles[column].to_numpy(dtype=float).reshape(-1, n)
         values = np.unwrap(values, axis=0) if channel == "theta" else values
         tracks[channel] = [coded(values[kept, v] * scale, step) for v in range(n)]
-    separation = run.guarantee("separation")
+    separation = run.guarantee(SEPARATION.id)
     return {
         "name": name,
         "color": look["color"],

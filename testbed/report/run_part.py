@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from testbed.claims.registry import SEPARATION
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.store import load
@@ -97,7 +98,7 @@ def _panels(runs: Runs, folder: Path | None) -> Picture:
 
 
 def _least(run: Run) -> str:
-    e = run.guarantee("separation")
+    e = run.guarantee(SEPARATION.id)
     return f"{e['value']:.2f} m at {e['t_s']:.2f} s" if e["value"] is not None else "none, there is no pair"
 
 

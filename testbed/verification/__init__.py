@@ -1,1 +1,1 @@
-"""A second opinion on finished runs: h and verdicts from the recorded positions, by formulas of its own."""
+"""Checks finished runs a second time: h and verdicts from the record, by formulas of its own."""

@@ -1,4 +1,4 @@
-"""The recorded columns against each other: does the flight begin, move and answer as the scenario says?"""
+"""Checks the recorded columns against each other and the scenario: start, motion, nominal input, pairs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from testbed.verification.finding import Finding
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.pair_claims import Pairs, unicycle
-from testbed.verification.path_bounds import Way, resolved
+from testbed.verification.path_bounds import PathBounds, resolved
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.rows import Rows
 from testbed.verification.settings import arc, box, knows_itself, nominal, start
@@ -23,13 +23,13 @@ BEND = 0.2
 START = {False: 1e-9, True: 1e-4}
 
 
-def columns(run: Recorded, way: Way, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
+def columns(run: Recorded, paths: PathBounds, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
     yield _numbers(run)
     yield _end(run)
     if "plant" not in run.parts:
         yield _start(run)
     if len(run.t) > 1:
-        yield _motion(run, way)
+        yield _motion(run, paths)
     if not set(run.parts) & {"nominal", "disturbance"} and knows_itself(run.scenario):
         yield from _nominal(run)
     yield _override(run)
@@ -76,9 +76,9 @@ def _end(run: Recorded) -> Finding:
             due = round(float(told.group(1)) / dt)
     rows = (due - 1) // round(record / dt) + 1
     if len(run.t) != rows:
-        wrong.append(f"{len(run.t)} instants are recorded, {rows} are due")
+        wrong.append(f"{len(run.t)} instants are recorded, should be {rows}")
     if steps != due:
-        wrong.append(f"filter_steps is {steps}, {due} is due")
+        wrong.append(f"filter_steps is {steps}, should be {due}")
     return Finding("end", said, f"{run.t[-1]:g} s recorded", not wrong, None, "; ".join(wrong))
 
 
@@ -90,7 +90,7 @@ def _start(run: Recorded) -> Finding:
     return _compared("start", np.zeros_like(off), off, START[run.scenario["plant"] == "jsbsim"])
 
 
-def _motion(run: Recorded, way: Way) -> Finding:
+def _motion(run: Recorded, paths: PathBounds) -> Finding:
     """Positions follow from commands on a unicycle; from speeds, courses and climb rates on any plant."""
     position, theta = run.position, run.vehicles["theta_rad"]
     dt = np.diff(run.t)[:, None]
@@ -103,10 +103,10 @@ def _motion(run: Recorded, way: Way) -> Finding:
     off = np.linalg.norm(
         np.diff(position, axis=0) - 0.5 * dt[..., None] * (velocity[:-1] + velocity[1:]), axis=-1
     )
-    return _compared("motion", np.zeros_like(off), off, _strays(run, way, velocity, dt))
+    return _compared("motion", np.zeros_like(off), off, _strays(run, paths, velocity, dt))
 
 
-def _strays(run: Recorded, way: Way, velocity: Array, dt: Array) -> Array:
+def _strays(run: Recorded, paths: PathBounds, velocity: Array, dt: Array) -> Array:
     """How far the mean of two velocities may be from the flight between them (T - 1, N) [m].
 
     An aircraft's velocity bends by a twelfth of its second difference (a tenth at most in runs of both
@@ -114,11 +114,11 @@ def _strays(run: Recorded, way: Way, velocity: Array, dt: Array) -> Array:
     """
     s, change = run.scenario, np.linalg.norm(np.diff(velocity, axis=0), axis=-1)
     if not resolved(run):
-        return np.asarray(2.0 * way.stray[: len(change)] + change * dt + ROUNDING)
+        return np.asarray(2.0 * paths.stray[: len(change)] + change * dt + ROUNDING)
     gusts = s["gusts"]
     shaken = gusts["intensity"] != "none" or gusts["jsbsim_turbulence"] != "none" or gusts["sigma_mps"]
     if shaken or s["plant"] != "jsbsim" or not knows_itself(s) or len(velocity) < 3:
-        return np.asarray((way.changing + 1e-3) * dt)
+        return np.asarray((paths.changing + 1e-3) * dt)
     bend = np.linalg.norm(np.diff(velocity, 2, axis=0), axis=-1)
     around = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))
     return np.asarray((BEND * around + 2e-3) * dt)

@@ -1,4 +1,4 @@
-"""G4, G5, G6: how the QPs ended, and the commands held against the limits and the filter's rows."""
+"""Checks G4, G5 and G6: how the QPs ended, commands against the limits and against the filter's rows."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.verification.finding import PREMISE, Finding, Judge, Values
+from testbed.claims import registry
+from testbed.records.verdict import Status
+from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.pair_claims import H_ALLOWED
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
@@ -17,13 +19,13 @@ FAILED = ("infeasible", "iteration_limit")
 
 
 def filtering(rows: Rows) -> Iterator[Finding]:
-    for name, look in (
-        ("qp-feasibility", _feasibility),
-        ("command-limits", _limits),
-        ("rows-satisfied", _satisfied),
+    for claim, look in (
+        (registry.QP_FEASIBILITY, _feasibility),
+        (registry.COMMAND_LIMITS, _limits),
+        (registry.ROWS_SATISFIED, _satisfied),
     ):
-        if name in rows.run.guarantees:
-            yield look(rows, Judge(rows.run, rows.run.guarantees[name]))
+        if claim.id in rows.run.guarantees:
+            yield look(rows, Judge(rows.run, rows.run.guarantees[claim.id]))
 
 
 def _feasibility(rows: Rows, judge: Judge) -> Finding:
@@ -44,7 +46,7 @@ def _feasibility(rows: Rows, judge: Judge) -> Finding:
         judge.expect("detail", {k: n for k, n in e["detail"].items() if k in FAILED}, due)
         fewest, most = (int(failed[safe].sum()) for safe in _safe(rows))
         if not fewest <= e["detail"].get("in_safe_set", -1) <= most:
-            judge.wrong.append(f"in_safe_set is {e['detail'].get('in_safe_set')}, {most} is due")
+            judge.wrong.append(f"in_safe_set is {e['detail'].get('in_safe_set')}, should be {most}")
         if count:
             k, v = (int(a[0]) for a in np.nonzero(failed))
             judge.expect("t_s", e["t_s"], float(run.t[k]))
@@ -75,7 +77,7 @@ def _limits(rows: Rows, judge: Judge) -> Finding:
         elif run.complete and not (said[0] == low and said[1] == high):
             judge.wrong.append(f"achieved {name} is only {low:.6g} to {high:.6g}")
     _stops(judge)
-    return judge.least(seen, 0.0, lambda x: x >= 0.0, empty=PREMISE)
+    return judge.least(seen, 0.0, lambda x: x >= 0.0, empty=Status.PREMISE_NOT_MET)
 
 
 def _stops(judge: Judge) -> None:
@@ -98,10 +100,12 @@ def _satisfied(rows: Rows, judge: Judge) -> Finding:
         assert rows.pairs is not None or missing
         who = [[int(a) + 1, int(b) + 1] for a, b in zip(run.i, run.j, strict=True)]
         seen = Values.of(np.zeros(0), empty, 0.0, who, floor=-np.inf)
-        return judge.least(seen, 0.0, lambda x: x >= -ROW_ALLOWED, empty=PREMISE, missing=missing)
+        return judge.least(
+            seen, 0.0, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET, missing=missing
+        )
     assert rows.pairs is not None
     left, off = rows.left
     counts = rows.solved[:, run.i] & rows.solved[:, run.j]
     floor = None if run.complete else -np.inf
     seen = Values.of(run.t, left, off, rows.pairs.who, counts, floor=floor)
-    return judge.least(seen, 0.0, lambda x: x >= -ROW_ALLOWED, empty=PREMISE)
+    return judge.least(seen, 0.0, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET)

@@ -1,4 +1,4 @@
-"""What the filter looked at: the true poses, late ones, predicted ones, or what nobody recorded."""
+"""Works out the poses that the filter saw: true, late or predicted ones, or unknown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TAIL, STEPS = 20.0, 400
 TABLE = {"v": 1.0, "omega": 0.35, "zeta": 0.3}
 
 
-def sight(run: Recorded) -> Pose | str:
+def filter_view(run: Recorded) -> Pose | str:
     """Poses (T, N) whose rows the filter solved, by what each vehicle knows of itself; or why unknown."""
     s = run.scenario
     measured, link, remedy = s["sensing"], s["network"], s["remedy"]

@@ -1,4 +1,4 @@
-"""What is found of one claim: the run's word for it, ours, and whether the two agree."""
+"""Compares what a run states with what we find: findings, and the judge of one claim's entry."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from testbed.claims.registry import CLAIMS
+from testbed.records.verdict import Kind, Status
 from testbed.verification.recorded import Array, Recorded
 
-HOLDS, VIOLATED, PREMISE, OTHER = "holds", "violated", "premise not met", "not applicable"
 Entry = dict[str, Any]
 Rule = Callable[[float], bool]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked into.
+    """One thing compared.
 
     said, own  what the run says, and what we find
     agrees     None: the record cannot decide it, and `why` says what is missing
@@ -35,7 +36,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Values:
-    """What the record says of a quantity of which an entry reports the least.
+    """The recorded values of a quantity whose least value an entry reports.
 
     value    (T, K)  at instants t (T,), of K pairs or vehicles
     off      (T, K)  how far from the truth it may be
@@ -95,39 +96,46 @@ class Values:
 
 @dataclass
 class Judge:
-    """Compares one entry with what we find, and gathers what is wrong with it."""
+    """Compares one entry with what we find, and collects what is wrong with it."""
 
     run: Recorded
     entry: Entry
     wrong: list[str] = field(default_factory=list)
 
     def expect(self, name: str, said: Any, due: Any) -> None:
-        """Words and counts are as due, numbers to rounding."""
+        """Words and counts must be equal, numbers equal to rounding."""
         if isinstance(due, float) and isinstance(said, int | float) and not isinstance(said, bool):
             same = bool(abs(said - due) <= 1e-9 * max(1.0, abs(due)))
         else:
             same = bool(said == due) and isinstance(said, bool) == isinstance(due, bool)
         if not same:
-            self.wrong.append(f"{name} is {_short(said)}, {_short(due)} is due")
+            self.wrong.append(f"{name} is {_short(said)}, should be {_short(due)}")
 
     def expect_near(self, name: str, said: Any, due: float, within: float) -> None:
-        """A number is as due within `within`."""
+        """A number must be equal within `within`."""
         if not (isinstance(said, int | float) and abs(said - due) <= within):
-            self.wrong.append(f"{name} is {_short(said)}, {due:.6g} is due")
+            self.wrong.append(f"{name} is {_short(said)}, should be {due:.6g}")
 
-    def verdict(self, holds: bool, fails: str = VIOLATED) -> str:
-        """What a value that holds or not leads to; a run that ended early holds no guarantee."""
+    def verdict(self, holds: bool, fails: str = Status.VIOLATED) -> str:
+        """The status for a value that holds or does not; a run that ended early holds no guarantee."""
         if not holds:
             return fails
-        return PREMISE if self.run.ended and not self.entry["number"].startswith("P") else HOLDS
+        if self.run.ended and not self._is_premise:
+            return Status.PREMISE_NOT_MET
+        return Status.HOLDS
+
+    @property
+    def _is_premise(self) -> bool:
+        claim = CLAIMS.get(self.entry["id"])
+        return claim is not None and claim.kind is Kind.PREMISE
 
     def least(
         self,
         values: Values,
         bound: float,
         rule: Rule,
-        fails: str = VIOLATED,
-        empty: str = OTHER,
+        fails: str = Status.VIOLATED,
+        empty: str = Status.NOT_APPLICABLE,
         void: bool = False,
         missing: str = "",
     ) -> Finding:
@@ -140,17 +148,19 @@ class Judge:
         e, said = self.entry, self.entry["value"]
         low, high = values.range()
         if said is None:
-            self.expect("verdict", e["verdict"], PREMISE if void else empty)
+            self.expect("verdict", e["verdict"], Status.PREMISE_NOT_MET if void else empty)
             if high < np.inf:
-                self.wrong.append(f"no value, {high:.6g} is due")
+                self.wrong.append(f"no value, should be {high:.6g}")
             return self.done("none", open_=values.floor is not None, why=missing)
         if not low <= said <= high:
             due = f"{values.least():.6g}" if values.floor is None else _between(low, high)
-            self.wrong.append(f"value is {said:.6g}, {due} is due")
+            self.wrong.append(f"value is {said:.6g}, should be {due}")
         self.expect("bound", e["bound"], float(bound))
         self.expect("margin", e["margin"], float(said - bound))
         self._place(values, said)
-        self.expect("verdict", e["verdict"], PREMISE if void else self.verdict(rule(said), fails))
+        self.expect(
+            "verdict", e["verdict"], Status.PREMISE_NOT_MET if void else self.verdict(rule(said), fails)
+        )
         if values.floor is None:
             return self.done(f"{values.least():.6g}", high - values.least())
         decided = void or rule(low) == rule(high)
@@ -166,7 +176,7 @@ class Judge:
         elif values.floor is None or e["t_s"] is None or e["vehicles"] not in values.who:
             self.wrong.append(f"nothing counts at {_short(e['t_s'])} s of {e['vehicles']}")
 
-    def nothing(self, own: str, verdict: str = OTHER) -> Finding:
+    def nothing(self, own: str, verdict: str = Status.NOT_APPLICABLE) -> Finding:
         """There is nothing to report, and the entry says so."""
         self.expect("value", self.entry["value"], None)
         self.expect("verdict", self.entry["verdict"], verdict)
@@ -186,9 +196,9 @@ class Judge:
 
 
 def thin(run: Recorded) -> str:
-    """Why steps in between leave something open."""
+    """Why something is open where steps in between are not recorded."""
     period = run.scenario["rates"]["record_dt_s"]
-    return f"it cannot be decided from the record at this recording period, {period:g} s"
+    return f"the steps between instants recorded every {period:g} s are needed"
 
 
 def _between(low: float, high: float) -> str:

@@ -1,4 +1,4 @@
-"""h by flying the evading manoeuvre on from recorded states: no closed form, no code of the filter's.
+"""Computes h by flying the evading manoeuvre on from recorded states, without the filter's closed forms.
 
 Two vehicles that turn at one rate come back after a period, and along it the safety function is a constant
 and one harmonic: its least value follows from a few instants of the rollout. Two that fly straight are
@@ -215,7 +215,7 @@ def future(s: dict[str, Any], i: Array, j: Array) -> Future | None:
 
 
 def manoeuvre(s: dict[str, Any]) -> Array:
-    """gamma (N, 3): v, omega, zeta of each vehicle. Of the Euclidean distance, what is flown in need."""
+    """gamma (N, 3): v, omega, zeta of each vehicle. For the Euclidean barrier it is the fallback."""
     b, n = s["barrier"], s["vehicles"]
     gamma = np.zeros((n, 3))
     if b["kind"] == "rollout":

@@ -1,4 +1,4 @@
-"""G9: what was promised where the evading manoeuvre was flown, and, on unicycles, what it reached."""
+"""Checks G9: what h promised where the manoeuvre was flown and, on unicycles, the distances reached."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from testbed.verification.finding import PREMISE, Finding, Judge
+from testbed.records.verdict import Status
+from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.pair_claims import H_ALLOWED, Pairs, unicycle
 from testbed.verification.recorded import Array
@@ -142,7 +143,7 @@ def _verdict(judge: Judge, branches: list[dict[str, Any]]) -> None:
     e, d_safe = judge.entry, judge.run.scenario["d_safe_m"]
     safe = [b for b in branches if b["safe_pairs"]]
     if not safe:
-        judge.nothing("none", PREMISE)
+        judge.nothing("none", Status.PREMISE_NOT_MET)
         return
     worst = min(safe, key=lambda b: b["least_m"])
     judge.expect("value", e["value"], worst["least_m"])

@@ -1,4 +1,4 @@
-"""M: the theorems' premises and conclusions that a monitored run checked, as far as the commands tell."""
+"""Checks the theorem monitor's verdicts, as far as the recorded commands determine them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.verification.finding import HOLDS, OTHER, PREMISE, VIOLATED, Finding, Judge, Values
+from testbed.claims.registry import check_id
+from testbed.records.verdict import Status
+from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.future import manoeuvre
 from testbed.verification.pair_claims import EDGE, H_ALLOWED
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
 from testbed.verification.settings import alpha, filters_own, steepness
 
-# Check -> its bound; of these, those that void a theorem where they fail.
+# Check -> its bound. Those in PREMISES are premises of a theorem: a failure violates nothing.
 BOUNDS = {
     "limited_is_safe": -1e-6, "gamma_is_safe": -1e-6, "gamma_is_safe_limited": -1e-6, "solvable": 1.0,
     "solvable_limited": 1.0, "aligned": 1e-12, "aligned_limited": 1e-12, "gradient": 1e-12, "cheaper": -1e-6,
@@ -25,8 +27,9 @@ UNSOLVED = "the solutions of the other QP are not recorded"
 def monitored(rows: Rows) -> Iterator[Finding]:
     """One finding per check: the value where it can be told, the verdict from the value always."""
     for name, bound in BOUNDS.items():
-        if f"monitor-{name}" in rows.run.guarantees:
-            judge = Judge(rows.run, rows.run.guarantees[f"monitor-{name}"])
+        id = check_id(name)
+        if id in rows.run.guarantees:
+            judge = Judge(rows.run, rows.run.guarantees[id])
             _follows(judge, name, bound)
             yield _look(rows, judge, name)
 
@@ -34,13 +37,13 @@ def monitored(rows: Rows) -> Iterator[Finding]:
 def _follows(judge: Judge, name: str, bound: float) -> None:
     e = judge.entry
     if e["value"] is None:
-        judge.expect("verdict", e["verdict"], OTHER)
+        judge.expect("verdict", e["verdict"], Status.NOT_APPLICABLE)
         return
     judge.expect("bound", e["bound"], bound)
     judge.expect("margin", e["margin"], float(e["value"] - bound))
     good = e["value"] >= bound
-    fails = PREMISE if name in PREMISES else VIOLATED
-    holds = PREMISE if judge.run.ended else HOLDS
+    fails = Status.PREMISE_NOT_MET if name in PREMISES else Status.VIOLATED
+    holds = Status.PREMISE_NOT_MET if judge.run.ended else Status.HOLDS
     judge.expect("verdict", e["verdict"], holds if good else fails)
 
 
@@ -55,9 +58,9 @@ def _look(rows: Rows, judge: Judge, name: str) -> Finding:
     low, high = seen.range()
     said = judge.entry["value"]
     if said is None and high < np.inf:
-        judge.wrong.append(f"no value, {high:.6g} is due")
+        judge.wrong.append(f"no value, should be {high:.6g}")
     if said is not None and not low <= said <= high:
-        judge.wrong.append(f"value is {said:.6g}, {low:.6g} to {high:.6g} is due")
+        judge.wrong.append(f"value is {said:.6g}, should be {low:.6g} to {high:.6g}")
     return judge.done(f"{high:.6g}" if high < np.inf else "never met", float(np.max(off, initial=0.0)))
 
 

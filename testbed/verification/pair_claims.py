@@ -1,4 +1,4 @@
-"""G2, G3, G4a, P5, P6: what h and its answer to inputs were, pair by pair, at the true poses."""
+"""Checks G2, G3, G4a, P5 and P6 from h and L_g h of every pair at the true poses."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from testbed.verification.finding import PREMISE, Finding, Judge, Values
+from testbed.claims import registry
+from testbed.records.verdict import Status
+from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.future import Flown, Pose, fly_on, manoeuvre
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.settings import Scenario, alpha, arc, box, inside, steepness
 
 # As the verdicts allow: round-off of h, and curvature within a filter period [m/s].
 H_ALLOWED, RATE_ALLOWED = 1e-9, 1e-3
-# |h| below which a pair stands at the boundary, and the least |L_g h| that moves it there.
+# |h| below which a pair is at the boundary, and the least |L_g h| there that is not zero.
 EDGE, LEAST_GRADIENT = 0.05, 1e-9
 SOLVING = ("centralised", "limited")
 
@@ -80,15 +82,15 @@ class Pairs:
         return fly_on(self.s, there, run.i, run.j), some, True
 
     def findings(self) -> Iterator[Finding]:
-        for name, look in (
-            ("gradient", self._gradient),
-            ("off-the-kink", self._kink),
-            ("safe-set", self._invariance),
-            ("barrier-condition", self._condition),
-            ("zcbf-condition", self._admissible),
+        for claim, look in (
+            (registry.GRADIENT, self._gradient),
+            (registry.OFF_THE_KINK, self._kink),
+            (registry.SAFE_SET, self._invariance),
+            (registry.BARRIER_CONDITION, self._condition),
+            (registry.ZCBF_CONDITION, self._admissible),
         ):
-            if name in self.run.guarantees:
-                yield look(Judge(self.run, self.run.guarantees[name]))
+            if claim.id in self.run.guarantees:
+                yield look(Judge(self.run, self.run.guarantees[claim.id]))
 
     def _unseen(self, floor: float) -> float | None:
         """The floor of what was not recorded; None if all was."""
@@ -131,7 +133,7 @@ class Pairs:
             value = (then.h - self.now.h[some]) / dt + self.alpha[some]
             off = (then.off + self.now.off[some] + H_ALLOWED) / dt + self.alpha_off[some]
         seen = Values.of(self.run.t[some], value, off, self.who, floor=self._unseen(floor))
-        return judge.least(seen, 0.0, lambda x: x >= -RATE_ALLOWED, empty=PREMISE)
+        return judge.least(seen, 0.0, lambda x: x >= -RATE_ALLOWED, empty=Status.PREMISE_NOT_MET)
 
     def _admissible(self, judge: Judge) -> Finding:
         _, most, off = self.reach
@@ -148,7 +150,7 @@ class Pairs:
             np.abs(self.now.h) <= self.now.off + H_ALLOWED,
             self._unseen(-H_ALLOWED if theorem else -np.inf),
         )
-        return judge.least(seen, 0.0, lambda x: x >= -H_ALLOWED, empty=PREMISE)
+        return judge.least(seen, 0.0, lambda x: x >= -H_ALLOWED, empty=Status.PREMISE_NOT_MET)
 
     def _gradient(self, judge: Judge) -> Finding:
         lie = self.now.lie
@@ -159,7 +161,7 @@ class Pairs:
         unseen = None if self.run.complete or self.lowest > EDGE else 0.0
         near, doubt = h <= EDGE, np.abs(h - EDGE) <= h_off
         seen = Values.of(self.run.t, size, off, self.who, near, doubt, unseen)
-        return judge.least(seen, 0.0, lambda x: x > LEAST_GRADIENT, fails=PREMISE)
+        return judge.least(seen, 0.0, lambda x: x > LEAST_GRADIENT, fails=Status.PREMISE_NOT_MET)
 
     def _kink(self, judge: Judge) -> Finding:
         s, z, b = self.s, self.now.harmonic, self.s["barrier"]
@@ -172,7 +174,7 @@ class Pairs:
         if before is None:
             missing = np.full((0, len(self.who)), np.inf)
             seen = Values.of(np.zeros(0), missing, 0.0, self.who, floor=0.0)
-            return judge.least(seen, 1.0, lambda x: x >= 1.0, fails=PREMISE)
+            return judge.least(seen, 1.0, lambda x: x >= 1.0, fails=Status.PREMISE_NOT_MET)
         moved = np.maximum(np.abs(z[1:] - before), 1e-12)
         steps = np.abs(z[1:]) / moved
         # A harmonic is as wrong as the squares it comes of, which h was corrected by.
@@ -182,7 +184,7 @@ class Pairs:
         binds = self.alpha[1:] + least[1:]
         doubt = np.abs(binds) <= self.alpha_off[1:] + least_off[1:]
         seen = Values.of(self.run.t[1:], steps, off, self.who, binds < 0.0, doubt, self._unseen(0.0))
-        return judge.least(seen, 1.0, lambda x: x >= 1.0, fails=PREMISE)
+        return judge.least(seen, 1.0, lambda x: x >= 1.0, fails=Status.PREMISE_NOT_MET)
 
     def _square_off(self) -> Array:
         """Round-off of squared ranges (T, P) [m^2]."""

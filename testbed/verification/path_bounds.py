@@ -1,5 +1,7 @@
-"""The paths flown: at every step of the flight dynamics where the record has them, or a unicycle must have
-flown them; and how far, between recorded instants, a path may have strayed from its chord."""
+"""Bounds the paths flown between recorded instants by how far each may have strayed from its chord.
+
+Where every step of the flight dynamics was recorded, or a unicycle flew, the path is known at every step.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,8 @@ RESOLVED_S = 0.1 + 1e-9
 
 
 @dataclass(frozen=True)
-class Way:
-    """Where vehicles were.
+class PathBounds:
+    """Where the vehicles were.
 
     t, track  (S,) s, (S, N, 3) m
     whole     whether those are all steps of the flight dynamics
@@ -34,7 +36,7 @@ class Way:
     periods: int
 
     @classmethod
-    def of(cls, run: Recorded) -> Way:
+    def of(cls, run: Recorded) -> PathBounds:
         rates = run.scenario["rates"]
         steps = round(rates["filter_dt_s"] / rates["fdm_dt_s"])
         if run.every_step or not (run.complete and unicycle(run)):
@@ -107,8 +109,7 @@ class Way:
 
 
 def resolved(run: Recorded) -> bool:
-    """Whether what happens to velocities shows in the record: nothing that flies changes much in a tenth of a
-    second, but a command does."""
+    """Whether changes of velocity show in the record: an aircraft's takes longer than a tenth of a second."""
     period = run.scenario["rates"]["record_dt_s"]
     seen = run.scenario["plant"] == "jsbsim" or (run.complete and run.scenario["plant"] == "lagged")
     return bool(period <= RESOLVED_S and seen and "plant" not in run.parts)

@@ -1,4 +1,4 @@
-"""G1, G7, G8: distances, goals, and what the filter's interventions cost, from the paths flown."""
+"""Checks G1, G7 and G8 from the paths flown: distances, goals, cost of the filter's interventions."""
 
 from __future__ import annotations
 
@@ -9,60 +9,62 @@ from typing import Any
 
 import numpy as np
 
-from testbed.verification.finding import OTHER, Finding, Judge, Values
+from testbed.claims import registry
+from testbed.records.verdict import Status
+from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.future import manoeuvre
-from testbed.verification.path_bounds import ROUNDING, Way
+from testbed.verification.path_bounds import ROUNDING, PathBounds
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.settings import box, goals
 
 # Smallest change of a command that counts as the filter's doing.
 OVERRIDE = 1e-6
-# The time alone is a sum over points of the way; ours is an integral [s].
+# The solo time of a run is a sum over points of the straight path; ours is an integral [s].
 ALONE = 1e-3
 
 
 @dataclass(frozen=True)
-class Ways:
-    """Claims on where vehicles were."""
+class PathClaims:
+    """The claims about where the vehicles were."""
 
     run: Recorded
-    way: Way
+    paths: PathBounds
 
     @property
     def s(self) -> dict[str, Any]:
         return self.run.scenario
 
     def findings(self) -> Iterator[Finding]:
-        for name, look in (
-            ("separation", self._separation),
-            ("goal", self._goal),
-            ("intervention", self._intervention),
+        for claim, look in (
+            (registry.SEPARATION, self._separation),
+            (registry.GOAL, self._goal),
+            (registry.INTERVENTION, self._intervention),
         ):
-            if name in self.run.guarantees:
-                yield look(Judge(self.run, self.run.guarantees[name]))
+            if claim.id in self.run.guarantees:
+                yield look(Judge(self.run, self.run.guarantees[claim.id]))
 
     def _separation(self, judge: Judge) -> Finding:
-        run, way, e = self.run, self.way, judge.entry
+        run, paths, e = self.run, self.paths, judge.entry
         who = [[int(a) + 1, int(b) + 1] for a, b in zip(run.i, run.j, strict=True)]
         if not run.i.size:
             return judge.nothing("nobody else")
-        d_safe, distance = self.s["d_safe_m"], way.distance()
-        chords = way.chords(way.apart())
+        d_safe, distance = self.s["d_safe_m"], paths.distance()
+        chords = paths.chords(paths.apart())
         floor, ceiling = None, np.inf
-        if not way.whole:
-            ceiling = float(way.passing().min(initial=np.inf))
-            stray = way.stray[:, run.i] + way.stray[:, run.j]
-            floor = float(min((chords - stray).min(initial=np.inf), distance[-1].min() - 2.0 * way.tail))
+        if not paths.whole:
+            ceiling = float(paths.passing().min(initial=np.inf))
+            stray = paths.stray[:, run.i] + paths.stray[:, run.j]
+            floor = float(min((chords - stray).min(initial=np.inf), distance[-1].min() - 2.0 * paths.tail))
         between = e["detail"].get("between_steps_m")
         if between is not None and e["value"] is not None:
             most = e["value"] if floor is not None else min(e["value"], float(chords.min(initial=np.inf)))
             most += ROUNDING
             least = float(chords.min(initial=np.inf)) - ROUNDING if floor is None else floor
             if not least <= between <= most:
-                judge.wrong.append(f"between_steps_m is {between:.6g}, {least:.6g} to {most:.6g} is due")
+                judge.wrong.append(f"between_steps_m is {between:.6g}, should be {least:.6g} to {most:.6g}")
         elif len(run.t) > 1:
             judge.wrong.append("between_steps_m is missing")
-        seen = Values.of(way.t, distance, ROUNDING, who, floor=floor, ceiling=ceiling)
+        seen = Values.of(paths.t, distance, ROUNDING, who, floor=floor, ceiling=ceiling)
         # The straight line between two steps may come nearer than either.
         nearer = between is not None and between < d_safe
         return judge.least(seen, d_safe, lambda d: d >= d_safe and not nearer)
@@ -70,46 +72,46 @@ class Ways:
     @cached_property
     def _to_goal(self) -> Array:
         """Offsets (S, N, 3) m."""
-        return np.asarray(self.way.track - goals(self.s))
+        return np.asarray(self.paths.track - goals(self.s))
 
     def _goal(self, judge: Judge) -> Finding:
-        way, e = self.way, judge.entry
+        paths, e = self.paths, judge.entry
         radius, said = self.s["goal_radius_m"], e["value"]
         distance = np.linalg.norm(self._to_goal, axis=-1)
         nearest = distance.min(axis=0)
         high = float(nearest.max())
         low = high
-        if not way.whole:
-            closest = (way.chords(self._to_goal) - way.stray).min(axis=0, initial=np.inf)
-            low = float(np.maximum(np.minimum(closest, distance[-1] - way.tail), 0.0).max())
+        if not paths.whole:
+            closest = (paths.chords(self._to_goal) - paths.stray).min(axis=0, initial=np.inf)
+            low = float(np.maximum(np.minimum(closest, distance[-1] - paths.tail), 0.0).max())
         if not low - ROUNDING <= said <= high + ROUNDING:
-            judge.wrong.append(f"value is {said:.6g}, {low:.6g} to {high:.6g} is due")
+            judge.wrong.append(f"value is {said:.6g}, should be {low:.6g} to {high:.6g}")
         judge.expect("bound", e["bound"], radius)
         judge.expect("margin", e["margin"], radius - said)
         judge.expect("verdict", e["verdict"], judge.verdict(said <= radius))
         self._worst_goal(judge, nearest, high - low)
         passed = self.passed
-        if way.whole and not np.isnan(passed).any():
+        if paths.whole and not np.isnan(passed).any():
             last = e["detail"].get("last_passed_s", np.nan)
             judge.expect_near("last_passed_s", last, float(passed.max()), ROUNDING)
-        if way.whole and np.isnan(passed).any() and "last_passed_s" in e["detail"]:
+        if paths.whole and np.isnan(passed).any() and "last_passed_s" in e["detail"]:
             judge.wrong.append("last_passed_s is given, and some never passed")
         open_ = (low <= radius) != (high <= radius)
-        own = f"{high:.6g}" if way.whole else f"{low:.6g} to {high:.6g}"
+        own = f"{high:.6g}" if paths.whole else f"{low:.6g} to {high:.6g}"
         return judge.done(own, max(high - low, ROUNDING), open_)
 
     def _worst_goal(self, judge: Judge, nearest: Array, wide: float) -> None:
-        e, way = judge.entry, self.way
+        e, paths = judge.entry, self.paths
         if len(e["vehicles"]) != 1 or not 1 <= e["vehicles"][0] <= self.s["vehicles"]:
             judge.wrong.append(f"vehicles are {e['vehicles']}")
             return
         v = e["vehicles"][0] - 1
         if nearest[v] < nearest.max() - wide - ROUNDING:
             judge.wrong.append(f"vehicle {v + 1} came within {nearest[v]:.6g} m")
-        k = int(np.argmin(np.abs(way.t - e["t_s"])))
+        k = int(np.argmin(np.abs(paths.t - e["t_s"])))
         there = float(np.linalg.norm(self._to_goal[k, v]))
-        if abs(way.t[k] - e["t_s"]) > 1e-6:
-            if way.whole:
+        if abs(paths.t[k] - e["t_s"]) > 1e-6:
+            if paths.whole:
                 judge.wrong.append(f"nothing was flown at {e['t_s']:g} s")
         elif not abs(there - e["value"]) <= ROUNDING:
             judge.wrong.append(f"vehicle {v + 1} is {there:.6g} m from its goal at {e['t_s']:g} s")
@@ -118,11 +120,11 @@ class Ways:
     def passed(self) -> Array:
         """(N,) s: when each came within its goal radius first; nan if never."""
         within = np.linalg.norm(self._to_goal, axis=-1) <= self.s["goal_radius_m"]
-        return np.where(within.any(axis=0), self.way.t[np.argmax(within, axis=0)], np.nan)
+        return np.where(within.any(axis=0), self.paths.t[np.argmax(within, axis=0)], np.nan)
 
     def _intervention(self, judge: Judge) -> Finding:
         run, e = self.run, judge.entry
-        judge.expect("verdict", e["verdict"], OTHER)
+        judge.expect("verdict", e["verdict"], Status.NOT_APPLICABLE)
         low, high = box(self.s)
         wanted = np.clip(run.channels("_nominal"), low, high)
         change = np.abs(run.command - wanted)
@@ -136,20 +138,20 @@ class Ways:
         totals = change.sum(axis=(0, 1)) * self.s["rates"]["filter_dt_s"]
         for name, due in zip(("altered_v_m", "altered_omega_rad", "altered_zeta_m"), totals, strict=True):
             judge.expect_near(name, e["detail"].get(name), float(due), 1e-9 * max(1.0, due) + 1e-9)
-        open_ = not self.way.whole
-        if self.way.whole:
+        open_ = not self.paths.whole
+        if self.paths.whole:
             self._added(judge)
         return judge.done(f"{share.max():.6g}", 1e-9, open_)
 
     def _added(self, judge: Judge) -> None:
-        """Path and time beyond the straight way at the nominal speed."""
-        way, s = self.way, self.s
-        start = way.track[0]
+        """Path and time beyond the straight path at the nominal speed."""
+        paths, s = self.paths, self.s
+        start = paths.track[0]
         straight = np.linalg.norm(goals(s) - start, axis=-1)
         flown = np.concatenate(
             [
                 np.zeros((1, s["vehicles"])),
-                np.cumsum(np.linalg.norm(np.diff(way.track, axis=0), axis=-1), axis=0),
+                np.cumsum(np.linalg.norm(np.diff(paths.track, axis=0), axis=-1), axis=0),
             ]
         )
         passed, detail = self.passed, judge.entry["detail"]
@@ -166,7 +168,7 @@ class Ways:
                     )
                     continue
                 # The filter period in which the vehicle arrives still counts as a whole.
-                k = round(float(passed[v] / (way.t[1] - way.t[0]))) if len(way.t) > 1 else 0
+                k = round(float(passed[v] / (paths.t[1] - paths.t[0]))) if len(paths.t) > 1 else 0
                 steps = round(s["rates"]["filter_dt_s"] / s["rates"]["fdm_dt_s"])
                 k = min(-(-k // steps) * steps, len(flown) - 1)
                 path = flown[k, v] - (straight[v] - s["goal_radius_m"])
@@ -174,7 +176,7 @@ class Ways:
                 judge.expect_near(f"{name} of vehicle {v + 1}", word, float(due), off * max(1.0, abs(due)))
 
     def _alone(self, start: Array, straight: Array) -> Array:
-        """(N,) s: the straight way to the goal radius at the nominal ground speed, inside the limits."""
+        """(N,) s: the straight path to the goal radius at the nominal ground speed, inside the limits."""
         s, c = self.s, self.s["nominal"]
         low, high = box(s)
         left = np.maximum(straight - s["goal_radius_m"], 0.0)

@@ -1,4 +1,4 @@
-"""P1 to P4: the start, the manoeuvre that all share, whether the limits and the vehicles allow it."""
+"""Checks P1 to P4: the start, the shared manoeuvre, whether limits and vehicles allow it."""
 
 from __future__ import annotations
 
@@ -6,25 +6,24 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.verification.finding import PREMISE, Finding, Judge
+from testbed.claims import registry
+from testbed.records.verdict import Status
+from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import manoeuvre
 from testbed.verification.pair_claims import H_ALLOWED, Pairs
 from testbed.verification.recorded import Recorded
 from testbed.verification.settings import box, inside
 
-# Barriers with a manoeuvre that their h is made of, or that is flown in need.
-MADE_OF_ONE = ("turn", "straight", "rollout", "euclidean")
-
 
 def premises(run: Recorded, pairs: Pairs | None) -> Iterator[Finding]:
-    for name, look in (
-        ("start-safe", _start),
-        ("shared-manoeuvre", _shared),
-        ("manoeuvre-in-U", _inside),
-        ("manoeuvre-flyable", _flyable),
+    for claim, look in (
+        (registry.START_SAFE, _start),
+        (registry.SHARED_MANOEUVRE, _shared),
+        (registry.MANOEUVRE_IN_U, _inside),
+        (registry.MANOEUVRE_FLYABLE, _flyable),
     ):
-        if name in run.guarantees:
-            yield look(Judge(run, run.guarantees[name]), pairs)
+        if claim.id in run.guarantees:
+            yield look(Judge(run, run.guarantees[claim.id]), pairs)
 
 
 def _start(judge: Judge, pairs: Pairs | None) -> Finding:
@@ -34,27 +33,29 @@ def _start(judge: Judge, pairs: Pairs | None) -> Finding:
         judge.expect("verdict", judge.entry["verdict"], judge.verdict(True))
         return judge.done("no pair")
     least = float(pairs.now.h[0].min())
-    judge.expect("verdict", judge.entry["verdict"], judge.verdict(least >= -H_ALLOWED, PREMISE))
+    judge.expect(
+        "verdict", judge.entry["verdict"], judge.verdict(least >= -H_ALLOWED, Status.PREMISE_NOT_MET)
+    )
     return judge.done(f"least h {least:.6g}", float(pairs.now.off[0].max()))
 
 
 def _shared(judge: Judge, pairs: Pairs | None) -> Finding:
     shared = not judge.run.scenario["barrier"]["pairs"]
-    judge.expect("verdict", judge.entry["verdict"], judge.verdict(shared, PREMISE))
+    judge.expect("verdict", judge.entry["verdict"], judge.verdict(shared, Status.PREMISE_NOT_MET))
     return judge.done("one for all" if shared else "one a pair")
 
 
 def _inside(judge: Judge, pairs: Pairs | None) -> Finding:
     e, s = judge.entry, judge.run.scenario
     if s["barrier"]["pairs"]:
-        return judge.nothing("one a pair", PREMISE)
+        return judge.nothing("one a pair", Status.PREMISE_NOT_MET)
     share = inside(manoeuvre(s), *box(s))
     least = float(share.min())
     judge.expect_near("value", e["value"], least, 1e-9)
     judge.expect("bound", e["bound"], 0.0)
     if e["value"] is not None:
         judge.expect("margin", e["margin"], e["value"])
-        judge.expect("verdict", e["verdict"], judge.verdict(e["value"] >= 0.0, PREMISE))
+        judge.expect("verdict", e["verdict"], judge.verdict(e["value"] >= 0.0, Status.PREMISE_NOT_MET))
     if len(e["vehicles"]) != 1 or abs(share[e["vehicles"][0] - 1] - least) > 1e-9:
         judge.wrong.append(f"vehicle {int(np.argmin(share)) + 1} has the least room")
     return judge.done(f"{least:.6g}", 1e-9)
@@ -64,13 +65,13 @@ def _flyable(judge: Judge, pairs: Pairs | None) -> Finding:
     e, run = judge.entry, judge.run
     s = run.scenario
     if s["barrier"]["pairs"]:
-        judge.expect("verdict", e["verdict"], PREMISE)
+        judge.expect("verdict", e["verdict"], Status.PREMISE_NOT_MET)
         return judge.done("one a pair")
     if "plant" in run.parts:
-        judge.expect("verdict", e["verdict"], PREMISE)
+        judge.expect("verdict", e["verdict"], Status.PREMISE_NOT_MET)
         return judge.done("unknown")
     if s["plant"] != "jsbsim":
         judge.expect("verdict", e["verdict"], judge.verdict(True))
         return judge.done("flies all of U")
-    judge.expect("verdict", e["verdict"], judge.verdict(not e["why"], PREMISE))
+    judge.expect("verdict", e["verdict"], judge.verdict(not e["why"], Status.PREMISE_NOT_MET))
     return judge.done("needs a trimmed aircraft", None, True, "whether the airframe trims is not recorded")

@@ -1,4 +1,4 @@
-"""What a run folder says, read without the code that wrote it."""
+"""Reads a run folder without the code that wrote it."""
 
 from __future__ import annotations
 

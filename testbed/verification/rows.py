@@ -1,4 +1,4 @@
-"""The rows of the filter's QPs, built again from what the filter saw."""
+"""Builds the rows of the filter's QPs again from the poses that the filter saw."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from testbed.verification.filter_view import sight
+from testbed.verification.filter_view import filter_view
 from testbed.verification.future import BLOCK, Flown, Future, Pose, fly_on, future
 from testbed.verification.pair_claims import SOLVING, Pairs
 from testbed.verification.recorded import Array, Recorded
@@ -30,7 +30,7 @@ class Rows:
 
     @classmethod
     def of(cls, run: Recorded, pairs: Pairs | None) -> Rows:
-        return cls(run, pairs, sight(run))
+        return cls(run, pairs, filter_view(run))
 
     @property
     def s(self) -> Scenario:

@@ -1,4 +1,4 @@
-"""What a scenario says, read again from the plain data of a manifest."""
+"""Reads a scenario from the plain data of a manifest: limits, class-K function, goals, start, nominal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the words of the QPs' ends claim: who has a solution satisfies its rows, who has none could not."""
+"""Checks recorded QP statuses: a solved QP satisfies its rows, an infeasible one has no solution."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from testbed.claims.registry import GOAL, INTERVENTION, QP_FEASIBILITY, SAFE_SET, SEPARATION, START_SAFE
 from testbed.scenario.scenario import Scenario
 
 Fields = dict[str, Any]
@@ -38,18 +39,22 @@ def measure(job: Job) -> dict[str, Any]:
         "refused": "",
         "ended_early": done.manifest["ended_early"] or "",
     }
-    row["start_safe"] = done.guarantee("start-safe")["verdict"] == "holds"
-    for column, name in (("distance_m", "separation"), ("h_m", "safe-set"), ("infeasible", "qp-feasibility")):
+    row["start_safe"] = done.guarantee(START_SAFE.id)["verdict"] == "holds"
+    for column, name in (
+        ("distance_m", SEPARATION.id),
+        ("h_m", SAFE_SET.id),
+        ("infeasible", QP_FEASIBILITY.id),
+    ):
         row[column] = done.guarantee(name)["value"]
         row[f"{column.partition('_')[0]}_verdict"] = done.guarantee(name)["verdict"]
-    row["overridden_share"] = done.guarantee("intervention")["value"]
+    row["overridden_share"] = done.guarantee(INTERVENTION.id)["value"]
     for name in ("path_added_m", "time_added_s"):
-        added = done.guarantee("intervention")["detail"][name]
+        added = done.guarantee(INTERVENTION.id)["detail"][name]
         row["arrived_share"] = sum(a is not None for a in added) / len(added)
         # Of a fleet that is still on its way nobody knows what the way costs.
         row[name] = max(added) if None not in added else None
-    row["goal_m"] = done.guarantee("goal")["value"]
-    row["goal_passed_s"] = done.guarantee("goal")["detail"].get("last_passed_s")
+    row["goal_m"] = done.guarantee(GOAL.id)["value"]
+    row["goal_passed_s"] = done.guarantee(GOAL.id)["detail"].get("last_passed_s")
     return row
 
 

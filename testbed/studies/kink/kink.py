@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.campaigns.engine import Notebook
+from testbed.claims.registry import QP_FEASIBILITY, SAFE_SET, SEPARATION
 from testbed.scenario.scenario import Scenario, load
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def row(case: Case) -> dict[str, Any]:
     from testbed.simulation.simulate import run
 
     done = run(case.scenario())
-    distance, h = done.guarantee("separation"), done.guarantee("safe-set")
+    distance, h = done.guarantee(SEPARATION.id), done.guarantee(SAFE_SET.id)
     i, j = distance["vehicles"]
     return {
         "barrier": case.barrier,
@@ -97,7 +98,7 @@ def row(case: Case) -> dict[str, Any]:
         "j": j,
         "min_h_m": h["value"],
         "min_h_at_s": h["t_s"],
-        "infeasible": done.guarantee("qp-feasibility")["value"],
+        "infeasible": done.guarantee(QP_FEASIBILITY.id)["value"],
         "worst_qp_residual": done.manifest["worst_qp_residual"],
     }
 
@@ -182,7 +183,7 @@ def look(case: Case) -> Look:
     from testbed.simulation.simulate import run
 
     done = run(case.scenario(f"record_dt_s={case.dt_s}"))
-    i, j = done.guarantee("separation")["vehicles"]
+    i, j = done.guarantee(SEPARATION.id)["vehicles"]
     pairs = done.pairs[(done.pairs.i == i) & (done.pairs.j == j)]
     both = [done.vehicles[done.vehicles.vehicle == v] for v in (i, j)]
     heading = np.stack([v.theta_rad for v in both])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.claims.registry import SEPARATION
 from testbed.scenario.scenario import Scenario, load
 from testbed.simulation.simulate import run
 from testbed.studies.common.measure import default_starts
@@ -35,10 +36,10 @@ def compare(airframe: str, lookahead_m: float, seed: int) -> dict[str, Any]:
     base = load("paper-2-turn", fields)
     s = default_starts(base).model_copy(update={"seed": seed}) if seed else base
     aircraft, lagged = (_fly(s, plant) for plant in ("jsbsim", "lagged"))
-    until = aircraft.guarantee("separation")["t_s"]
+    until = aircraft.guarantee(SEPARATION.id)["t_s"]
     row: dict[str, Any] = {"airframe": airframe, "lookahead_m": lookahead_m, "start": seed}
-    row["aircraft_m"] = aircraft.guarantee("separation")["value"]
-    row["lagged_m"] = lagged.guarantee("separation")["value"]
+    row["aircraft_m"] = aircraft.guarantee(SEPARATION.id)["value"]
+    row["lagged_m"] = lagged.guarantee(SEPARATION.id)["value"]
     row["difference_m"] = row["lagged_m"] - row["aircraft_m"]
     one, other = (r.vehicles[r.vehicles.t_s <= until] for r in (aircraft, lagged))
     for name, (column, factor) in CHANNELS.items():

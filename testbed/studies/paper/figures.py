@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from testbed.claims.registry import SEPARATION
 from testbed.records.run import Run
 from testbed.report.figures import one
 from testbed.report.style import COLUMN, PAGE, drawing, limits, log_distance, save, separation, style
@@ -59,7 +60,7 @@ def distance(axes: Axes, runs: Runs) -> None:
     """The smallest distance of any pair."""
     for name, run in runs.items():
         smallest = run.pairs.groupby("t_s").distance_m.min()
-        least = run.guarantee("separation")["value"]
+        least = run.guarantee(SEPARATION.id)["value"]
         axes.plot(smallest.index, smallest, label=f"{name}, least {least:.2f} m", **style(name))
     separation(axes, _scenario(runs)["d_safe_m"])
     axes.set(xlabel="time [s]", ylabel="smallest distance [m]")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.campaigns.engine import Notebook, fly_all, notebook
+from testbed.claims.registry import GOAL, QP_FEASIBILITY, SAFE_SET, SEPARATION
 from testbed.errors import UserError
 from testbed.records.store import check_free, staged, write_json
 from testbed.scenario.scenario import Scenario, load
@@ -114,11 +115,11 @@ def _paper(book: Book, folder: Path, plant: str, overrides: Sequence[str], worke
         [
             {
                 "scenario": name,
-                "min_distance_m": run.guarantee("separation")["value"],
-                "at_s": run.guarantee("separation")["t_s"],
-                "min_h_m": run.guarantee("safe-set")["value"],
-                "unsolved": run.guarantee("qp-feasibility")["value"],
-                "goal_m": run.guarantee("goal")["value"],
+                "min_distance_m": run.guarantee(SEPARATION.id)["value"],
+                "at_s": run.guarantee(SEPARATION.id)["t_s"],
+                "min_h_m": run.guarantee(SAFE_SET.id)["value"],
+                "unsolved": run.guarantee(QP_FEASIBILITY.id)["value"],
+                "goal_m": run.guarantee(GOAL.id)["value"],
                 "ended_early": run.manifest["ended_early"],
             }
             for name, run in runs.items()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.claims.registry import SAFE_SET, SEPARATION
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ def _guarantee(point: Point) -> dict[str, Any]:
         done = run(s)
     except UserError as error:
         return {"min_distance_m": math.nan, "min_h_m": math.nan, "fault": str(error)}
-    separation, safe = done.guarantee("separation"), done.guarantee("safe-set")
+    separation, safe = done.guarantee(SEPARATION.id), done.guarantee(SAFE_SET.id)
     return {
         "min_distance_m": separation["value"],
         "min_h_m": safe["value"],
