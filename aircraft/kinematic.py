@@ -1,6 +1,6 @@
-"""KinematicFleet: the unicycle the guarantee is proved on, and the same with identified lags.
+"""KinematicFleet: the unicycles that the guarantee is proved on, and the same with identified lags.
 
-The plain unicycle does what it is told, over the ground, whatever the wind. With lags the commands are
+The plain unicycle flies its command exactly, over the ground, whatever the wind. With lags the commands are
 tracked as an autopilot would: ground speed, course rate and climb rate lag, and a change of wind carries the
 vehicle at once, until the channels have corrected it.
 """
@@ -47,7 +47,7 @@ def _triples(lags: Sequence[Lag] | Sequence[Sequence[Lag]], vehicles: int) -> li
 
 
 class _Channels:
-    """The lags of N vehicles as arrays (N, 3), and the commands that they have still to hear."""
+    """The lags of N vehicles as arrays (N, 3), and the commands still under way to them."""
 
     def __init__(self, lags: list[list[Lag]], dt: float) -> None:
         def each(value: Callable[[Lag], float]) -> Array:

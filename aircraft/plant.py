@@ -1,4 +1,4 @@
-"""The seam every fleet of vehicles fits: JSBSim aircraft, unicycles, unicycles with lags."""
+"""The Plant protocol: vehicles that fly commands, such as JSBSim aircraft, unicycles, unicycles with lags."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from filters.model import Array, Command, State
 
 
 class Replay:
-    """Wraps the plants `make` builds; a Plant itself.
+    """Wraps the plants that `make` builds; a Plant itself.
 
     make  builds a plant as it was built the first time
     JSBSim cannot save a state, so `branch` repeats the recorded commands and wind from the start.

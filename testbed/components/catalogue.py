@@ -1,4 +1,4 @@
-"""From a scenario to the objects it names. A new barrier, filter, plant or controller is one entry here."""
+"""Makes the barrier, filter, plant, guidance and environment that a scenario names: one entry a kind."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _rollout(s: Scenario) -> Barrier:
 
 
 def _euclidean(s: Scenario) -> Barrier:
-    # The Euclidean distance needs no manoeuvre; the turn is what a vehicle flies when the QP has no solution.
+    # The Euclidean distance needs no manoeuvre; a vehicle whose QP has no solution flies this turn.
     b = s.barrier
     return EuclideanBarrier(s.d_safe_m, b.form, gamma=Command.of([b.v_mps, radians(b.omega_degps), 0.0]))
 
@@ -94,7 +94,7 @@ BARRIERS = {"turn": _turn, "straight": _straight, "rollout": _rollout, "euclidea
 
 
 def barrier(s: Scenario) -> Barrier:
-    """The barrier as the scenario states it: the one verdicts use.
+    """The barrier as the scenario states it, which verdicts use.
 
     Raises UserError where the manoeuvre gives no barrier, such as two equal straight speeds.
     """
@@ -129,7 +129,7 @@ def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
     from filters.rivals.navigation import NavigationFilter
 
     p = s.navigation
-    # The paper's potential draws each vehicle back to the line from its start; drawn again, it is the same.
+    # The paper's potential draws each vehicle back to the line from its start; the same seed gives it again.
     start, _ = places(s, generators(s.seed)["start"])
     return NavigationFilter(
         goal,
@@ -149,16 +149,20 @@ def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
     )
 
 
-FILTERS = {
+def _passthrough(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    return Passthrough()
+
+
+FILTERS: dict[str, Callable[[Scenario, Barrier, Array], Filter]] = {
     "centralised": _collision,
     "limited": _collision,
     "navigation": _navigation,
-    "none": lambda s, b, goal: Passthrough(),
+    "none": _passthrough,
 }
 
 
 def filter_(s: Scenario, b: Barrier, goal: Array) -> Filter:
-    """What alters the nominal input, with the scenario's remedies; `b` is the barrier verdicts use."""
+    """The filter of the scenario with its remedies; `b` is the barrier that verdicts use."""
     changed = remedies.scenario(s)
     own = b if changed is s else barrier(changed)
     return remedies.wrap(s, FILTERS[s.filter.kind](s, own, goal), own, lags)
@@ -199,7 +203,7 @@ PLANTS = {"unicycle": _unicycle, "lagged": _lagged, "jsbsim": _jsbsim}
 
 
 def plant(s: Scenario, wind: Array | None = None) -> Plant:
-    """The vehicles, to be `reset`; in what `wind` they start is said there, here it is not used."""
+    """The vehicles, still to be `reset`; `wind` is not used: `reset` is given it."""
     return PLANTS[s.plant](s)
 
 
@@ -211,7 +215,7 @@ def disturbance(s: Scenario, rngs: dict[str, np.random.Generator]) -> Environmen
 
 
 def lags(s: Scenario) -> list[tuple[Lag, ...]]:
-    """Per vehicle or once for all, the lags of the channels: the lagged plant's, what a prediction knows."""
+    """The lags of the channels, per vehicle or once for all: of the lagged plant, and for predictions."""
     if s.lags.source == "table" and s.plant != "jsbsim":
         return [remedies.lag_table(s)]
     return [remedies.identified_lags(airframe, s.lags.limits) for airframe in airframes(s)]
@@ -232,7 +236,7 @@ def airframes(s: Scenario) -> list[Any]:
 
 
 def airframe_hashes(s: Scenario, loaded: Sequence[Any] = ()) -> dict[str, str]:
-    """The files and gains of each airframe the plant flies or a prediction knows the lags of, as SHA-256.
+    """SHA-256 of the files and gains of each airframe that flies, or whose lags are used.
 
     loaded  `airframes(s)`, where they have been loaded
     """

@@ -1,4 +1,4 @@
-"""What a run is put together from: made from the scenario by the catalogue, unless you bring your own."""
+"""Parts: the makers of plant, filter, guidance and environment; the catalogue's unless you give your own."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from testbed.scenario.scenario import Scenario
 
 @dataclass(frozen=True)
 class Parts:
-    """Makers of the four parts of a run, each called once with what it is made from.
+    """Makers of the four parts of a run, each called once for a run.
 
     plant        (scenario, wind (N, 3) m/s at the start) -> `aircraft.plant.Plant`; twice where the
                  evading manoeuvre is flown as well
     filter       (scenario, barrier, goal (N, 3) m) -> `filters.filter.Filter`, or any callable
     nominal      (scenario, goal (N, 3) m, barrier) -> `testbed.components.guidance.Guidance`
-    disturbance  (scenario, generators by name) -> `testbed.environment.environment.Environment`
-    A scenario file cannot name code: parts of one's own come from Python alone.
+    disturbance  (scenario, random generators by name) -> `testbed.environment.environment.Environment`
+    A scenario file cannot name code: parts of your own come from Python alone.
     """
 
     plant: Callable[[Scenario, Array], Plant] = catalogue.plant
@@ -35,7 +35,7 @@ class Parts:
     disturbance: Callable[[Scenario, dict[str, np.random.Generator]], Environment] = catalogue.disturbance
 
     def own(self) -> dict[str, str]:
-        """The parts that are not the catalogue's -> the Python name of their maker."""
+        """Part -> the Python name of its maker, for the parts that are not the catalogue's."""
         changed = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
         return {
             part: f"{getattr(maker, '__module__', '?')}.{getattr(maker, '__qualname__', repr(type(maker)))}"

@@ -1,4 +1,4 @@
-"""Where the vehicles start and where they want to go, and the random streams everything draws from."""
+"""Initial states and goals of a scenario, and the random streams that everything draws from."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from filters.model import Array, State
 from testbed.scenario.scenario import Scenario
 
-# Append only: a stream's place decides its numbers.
+# Append only: a stream's position decides its numbers.
 STREAMS = ("start", "plant", "gust", "noise", "network", "other")
 
 
@@ -23,7 +23,7 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
     On the circle vehicle i (from 0) stands at angle pi + i 2 pi / k, faces the centre plus an offset, and
     its goal is the antipode (Squires et al. 2022, III.D, without the goal's stray pi).
     Perturbations are drawn whatever their size, so that equal seeds stay paired across scenarios; offsets
-    add to them.
+    are added to them.
     """
     start, n = scenario.start, scenario.vehicles
     if start.pattern == "circle":

@@ -1,4 +1,4 @@
-"""From a scenario's [remedy] table to the filter's own barrier, its margins and its wrappers."""
+"""Builds the filter's own barrier, row margins and wrappers from a scenario's [remedy] table."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from testbed.scenario.scenario import Scenario
 
 
 def scenario(s: Scenario) -> Scenario:
-    """What the filter's barrier is built from; `s` itself if no remedy changes that."""
+    """The scenario that the filter's barrier is built from; `s` itself if no remedy changes it."""
     r, b = s.remedy, s.barrier
     if not (r.ds_buffer_m or r.smoothing_m2 or r.derate != 1.0 or r.derate_speed != 1.0):
         return s
@@ -42,7 +42,7 @@ def scenario(s: Scenario) -> Scenario:
 
 
 def margin(s: Scenario) -> Margin | None:
-    """What the filter's rows are raised by; None for the paper's rows."""
+    """The margin added to the filter's rows; None for the paper's rows."""
     r = s.remedy
     margins: list[Margin] = []
     if r.robust_v_mps or r.robust_omega_degps or r.robust_zeta_mps:
@@ -57,9 +57,10 @@ def margin(s: Scenario) -> Margin | None:
 def wrap(
     s: Scenario, made: Filter, own: Barrier, lags: Callable[[Scenario], list[tuple[Lag, ...]]]
 ) -> Filter:
-    """`made`, over the filter's `own` barrier, looking at predicted poses and flying in the air's frame.
+    """`made` with what the remedies wrap around it: predicted poses, and the frame of the air.
 
-    The prediction is the inner one: what holds of a unicycle in calm air holds of it relative to the air.
+    own  the filter's own barrier
+    The prediction is inside: what holds for a unicycle in calm air holds relative to the moving air.
     """
     r = s.remedy
     if r.predict_lags:

@@ -1,4 +1,4 @@
-"""What is known late, or never arrives: delayed measurements, links with latency and packet loss."""
+"""Delayed measurements, and communication links with latency and packet loss."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Stale = Literal["hold", "extrapolate-lost", "extrapolate"]
 
 @dataclass
 class Network:
-    """Every vehicle knows itself `delay` s late and hears of the others `latency` s later still.
+    """Every vehicle knows itself `delay` s late, and the others `latency` s later still.
 
     dt       s, the filter period, at which every vehicle sends its state
-    loss     probability that a packet is lost, per link and step; what was heard last stands in for it
+    loss     probability that a packet is lost, per link and step; the last one received is used instead
     stale    "hold": it is used as it stands; "extrapolate-lost": carried forward over the steps lost, along
              the arc of its rates; "extrapolate": over its whole age, delay and latency included
     central  one computer hears all vehicles over links and sees for all; otherwise each vehicle hears the

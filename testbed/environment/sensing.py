@@ -1,4 +1,4 @@
-"""Errors of measurement: what is known of a vehicle differs from the truth."""
+"""Measurement errors: bias, drift and white noise on poses and rates."""
 
 from __future__ import annotations
 

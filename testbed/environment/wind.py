@@ -1,4 +1,4 @@
-"""Steady wind: the mean motion of the air over the ground, and how it changes with height."""
+"""Steady wind: the mean motion of the air over the ground as a function of height."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""The ledger: predicted against realised hdot, and which channel the difference came through.
+"""The hdot ledger: predicted against realised hdot, and which channel caused the difference.
 
 Over one filter period a pair's realised hdot is (h' - h) / dt at the true states; the unicycle under the
-commands predicts L_g h u. The difference is laid to the channels to first order, vehicle by vehicle:
+commands predicts L_g h u. To first order the difference is the sum of these parts, vehicle by vehicle:
 
     L_g h (rates flown - u)   for v, omega and zeta, the rates averaged over the period,
 
-the turn-rate part once more into what the heading did (omega) and what the course did beyond it (course:
-sideslip and crab). The rest is of second order in the period, or the barrier's kink.
+The turn-rate part is split into the heading's (omega) and what the course turned beyond it (course: sideslip
+and crab). What remains is of second order in the period, or comes from the barrier's kink.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CHANNELS = ("v", "omega", "zeta", "course")
-# Far pairs have large levers and no constraint: they would drown the encounter.
+# Far pairs have large levers and no constraint: their residuals would hide those of the encounter.
 NEAR_H_M = 10.0
-# Moments of a pair closer than this are one moment [s].
+# Moments of a pair closer than this count as one [s].
 APART_S = 0.5
 
 
@@ -64,7 +64,7 @@ def near(run: Run, near_h_m: float = NEAR_H_M) -> pd.DataFrame:
 def summary(run: Run, near_h_m: float = NEAR_H_M, worst_moments: int = 5) -> dict[str, Any]:
     """Quantiles of the residual and its parts over recorded pairs with h below `near_h_m`; the worst moments.
 
-    Moments of one pair are half a second apart at least: neighbouring steps tell the same story.
+    Moments of one pair are at least half a second apart, since neighbouring steps hardly differ.
     """
     pairs = near(run, near_h_m)
     if not len(pairs):
@@ -102,7 +102,7 @@ def channel_bounds(run: Run, quantile: float = 1.0, near_h_m: float | None = Non
     """Per-channel bounds on |achieved - commanded|: v [m/s], omega [rad/s], zeta [m/s], at that quantile.
 
     near_h_m  only of vehicles while they have a pair with h below it; None takes the whole flight
-    What robust rows need to be told: see `filters.wrappers.row_margins`. Of no rows the bounds are nan.
+    Robust rows are given these: see `filters.wrappers.row_margins`. Without rows the bounds are nan.
     """
     rows = run.vehicles
     if near_h_m is not None:
@@ -119,7 +119,7 @@ def channel_bounds(run: Run, quantile: float = 1.0, near_h_m: float | None = Non
 
 
 def robust_settings(bounds: dict[str, float]) -> dict[str, float]:
-    """Those bounds as the fields of a scenario that raise the filter's rows by them."""
+    """Those bounds as the scenario fields that raise the filter's rows by them."""
     return {
         "remedy.robust_v_mps": bounds["v"],
         "remedy.robust_omega_degps": float(np.degrees(bounds["omega"])),

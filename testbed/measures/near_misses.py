@@ -1,4 +1,4 @@
-"""Where pairs draw near inside their safe set: from there the evading manoeuvre must be good."""
+"""Finds where pairs came nearest inside their safe set; from there the evading manoeuvre is flown."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from filters.model import Array
 
 
 class NearMisses:
-    """Each pair's deepest descent of h that stayed inside the safe set, watched at every filter step.
+    """Each pair's deepest descent of h that stayed inside the safe set, from h at every filter step.
 
     near   h below which a pair counts as near
     least  (P,) h where that descent ended: at a minimum, or at the last instant before h < 0; inf if none
@@ -22,7 +22,7 @@ class NearMisses:
         self.last, self.first = np.full(pairs, np.nan), np.full(pairs, np.nan)
         self._h: Array | None = None
         self._t = 0.0
-        # As if it had always fallen: a pair may start at its least.
+        # As if h had always fallen: a pair may start at its smallest h.
         self._falling = np.ones(pairs, dtype=bool)
         self._since = np.zeros(pairs)
 
@@ -37,7 +37,7 @@ class NearMisses:
         self._h, self._t = h, t
 
     def close(self) -> None:
-        """The flight ended, and with it the descents."""
+        """The flight is over, and so are the descents."""
         if self._h is not None:
             self._take(self._falling)
 

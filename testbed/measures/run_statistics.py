@@ -1,4 +1,4 @@
-"""What must not be missed between recordings: extremes and counts kept at every step of a run."""
+"""Extremes and counts over every step of a run, recorded or not."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Extreme:
 
 @dataclass
 class RunStatistics:
-    """Extremes over a whole run, at the rate each quantity is made.
+    """Extremes and counts over a whole run, at the rate at which each quantity is computed.
 
     Per pair (P,):
     separation  m, at every FDM step
@@ -69,7 +69,7 @@ class RunStatistics:
     lowest, highest (N, 3) achieved rates
 
     saturation  surfaces and throttle at their stops
-    near_misses where pairs drew nearest, if anybody asks
+    near_misses where pairs came nearest, if that is wanted
     """
 
     vehicles: int
@@ -92,7 +92,7 @@ class RunStatistics:
     highest: Array = field(init=False)
     override_steps: Array = field(init=False)
     filter_steps: int = 0
-    solves: bool = False  # whether any QP stood above any vehicle
+    solves: bool = False  # whether any QP was solved for any vehicle
     qp_failures: dict[str, int] = field(default_factory=dict)
     failures_inside: int = 0
     first_failure: tuple[float, int, str] | None = None
@@ -111,11 +111,11 @@ class RunStatistics:
 
     @property
     def without_qp(self) -> bool:
-        """Whether decisions were seen, and no QP stood behind any of them."""
+        """Whether there were decisions, and no QP was solved for any of them."""
         return self.filter_steps > 0 and not self.solves
 
     def start(self, position: Array, goal: Array, goal_radius: float) -> None:
-        """Begin at `position` (N, 3) m, bound for within `goal_radius` of `goal` (N, 3)."""
+        """Begin at `position` (N, 3) m; vehicles want to come within `goal_radius` [m] of `goal` (N, 3) m."""
         self._goal, self._goal_radius = goal, goal_radius
         self._i, self._j = all_pairs(self.vehicles)
         self._last = None
@@ -136,7 +136,7 @@ class RunStatistics:
         inside = distance <= self._goal_radius
         flying = np.isnan(self.passed)
         if len(whole) > 1:
-            # The period in which the vehicle arrives still counts, those after it do not.
+            # The period in which the vehicle arrives still counts; those after it do not.
             flown = np.sqrt(_square(np.diff(whole, axis=0).transpose(2, 0, 1)))
             by_period = flown.reshape(-1, periods, self.vehicles).sum(axis=1)
             arrives = inside.reshape(-1, periods, self.vehicles).any(axis=1)

@@ -1,4 +1,4 @@
-"""How long surfaces and throttle stood at their stops, and how long the autopilot held a command back."""
+"""Counts how long surfaces and throttle were at their stops, and how long the autopilot limited a command."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from aircraft.airframes.schema import Airframe
 from aircraft.datasheets.actuator_limits import actuator_limits
 from filters.model import Array
 
-# A servo nears its stop as a lag does and need not touch it: within this share of the travel counts.
+# A servo approaches its stop as a lag does and may never touch it: within this share of the travel counts.
 AT_STOP = 0.01
 LIMITED = ("limited_v", "limited_omega", "limited_zeta")
 
 
 class Saturation:
-    """Counts, over the recorded instants of a run.
+    """Counts over the recorded instants of a run.
 
     airframes  one per vehicle; none where no aircraft flies, and then nothing is counted
     """
@@ -46,5 +46,5 @@ class Saturation:
                 self._count[name] += np.atleast_2d(telemetry[name] > 0.5).sum(axis=0)
 
     def shares(self) -> dict[str, float]:
-        """Channel -> share of the recorded instants at a stop (or held back), of the worst vehicle."""
+        """Channel -> share of the recorded instants at a stop (or limited), of the worst vehicle."""
         return {name: float(count.max() / max(1, self._instants)) for name, count in self._count.items()}

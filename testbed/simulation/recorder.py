@@ -6,7 +6,7 @@ import numpy as np
 
 from filters.barriers.class_k import OddPolynomial
 from filters.barriers.closed_form import Barrier, TurnBarrier
-from filters.cbf.constraints import dot
+from filters.constraints import dot
 from filters.model import Array, Command, Limits, State
 from filters.qp.single import Status
 from testbed.measures import hdot_ledger
@@ -44,7 +44,7 @@ class Recorder:
         self._offsets = fdm_dt * np.arange(1, buffer.periods + 1)
 
     def look(self) -> None:
-        """Take in the buffer's new steps, and make room for further ones."""
+        """Count and record the buffer's new steps, and make room for further ones."""
         s = self.buffer
         if s.count == s.seen:
             return
@@ -64,7 +64,7 @@ class Recorder:
         s.keep_last()
 
     def close(self) -> None:
-        """The flight is over: what the last step led to stays unknown."""
+        """The run is over: the motion after its last step stays unknown."""
         self.look()
         s = self.buffer
         if s.recorded[0] and s.i.size:
@@ -137,7 +137,7 @@ class Recorder:
         }
 
     def _residuals(self, steps: np.ndarray, lie: Array) -> Columns:
-        """What the motion after these steps made of the prediction, by channel."""
+        """Realised minus predicted hdot after these steps, by channel."""
         s = self.buffer
         drift = np.zeros(steps.size * s.vehicles)
         before, after = ([s.telemetry[k].get("heading_rad") for k in at] for at in (steps, steps + 1))
@@ -152,7 +152,7 @@ class Recorder:
         return hdot_ledger.residuals(self._sides(steps, lie), i, j, flown, start, end, drift)
 
     def _in_one_row(self, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """The pairs of so many steps, (steps P,), when the vehicles of all of them stand in one row."""
+        """Vehicle numbers of the pairs of so many steps, (steps P,), with all steps' vehicles in one row."""
         first = self.buffer.vehicles * np.arange(steps)[:, None]
         return (first + self.buffer.i).ravel(), (first + self.buffer.j).ravel()
 

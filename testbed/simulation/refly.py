@@ -1,7 +1,7 @@
-"""A finished run flown again from its manifest, and compared with it bit for bit.
+"""Flies a finished run again from its manifest and compares both bit for bit.
 
-Not a second opinion: the same code flies. It tells whether the record is what that code makes of that
-scenario, and so decides what a record alone cannot: manoeuvres flown, QPs of a monitor, steps in between.
+This is no second opinion: the same code flies. It shows whether the record is what that code makes of that
+scenario, and so covers what a record alone cannot: flown manoeuvres, a monitor's QPs, steps not recorded.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from testbed.scenario.scenario import parse
 from testbed.simulation.simulate import Progress, run
 from testbed.verification.finding import Finding
 
-# Of the manifest, what two equal runs need not share.
+# Manifest fields that equal runs need not share.
 PASSING = {"sha256", "files", "versions"}
 
 
@@ -44,13 +44,13 @@ def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
             return [Finding("flown again", "a run", "refused", False, None, str(error))]
         found = list(_compared(folder, again, manifest))
     if other and any(f.agrees is False for f in found):
-        # Then nobody can tell who is to blame.
+        # Then the cause is not known: the record or the versions.
         return [Finding(f.what, f.said, f.own, f.agrees or None, None, f"{f.why}; {other}") for f in found]
     return found
 
 
 def _other_versions(manifest: dict[str, Any], here: dict[str, str]) -> str:
-    """What the run was flown by that is not what flies here."""
+    """Packages and airframes whose version differs from the one that flies here."""
     there = {**manifest.get("versions", {}), **manifest.get("airframes", {})}
     names = [name for name in sorted(there | here) if there.get(name) != here.get(name)]
     return f"flown by other versions of {', '.join(names)}" if names else ""
@@ -60,7 +60,7 @@ def _compared(old: Path, new: Path, manifest: dict[str, Any]) -> Iterator[Findin
     for name in sorted(path.name for path in new.glob("*.parquet")):
         same = (old / name).is_file() and sha256(old / name) == sha256(new / name)
         why = "" if same else _first_difference(old / name, new / name)
-        # Written otherwise, a table may still say the same.
+        # A table written differently may still hold the same numbers.
         yield Finding(f"again: {name}", "a table", "the same" if not why else "another", not why, None, why)
     said, flown = (
         {e["id"]: e for e in json.loads((place / "guarantees.json").read_text(encoding="utf-8"))}
@@ -86,7 +86,7 @@ def _word(entry: dict[str, Any] | None) -> str:
 
 
 def _first_difference(old: Path, new: Path) -> str:
-    """Where two tables differ first; nothing if they say the same."""
+    """Where two tables differ first; "" if they hold the same."""
     import pandas as pd
 
     try:

@@ -1,7 +1,7 @@
-"""Consecutive filter steps as arrays: what looks at a flight takes many steps at a time.
+"""Stores consecutive filter steps as arrays, so that they are judged and recorded many at a time.
 
-A numpy call costs about the same for one step of two vehicles as for fifty of them, and judging and recording
-take more calls than flying does. Nothing here influences the flight.
+A numpy call costs about the same for one step of two vehicles as for fifty, and judging and recording take
+more calls than flying does. Nothing here influences the flight.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from filters.barriers.closed_form import Barrier, PairValues, all_pairs
 from filters.filter import Decision
 from filters.model import Array, Command, State
 
-# Numbers of one kind (pairs times FDM periods) that a buffer holds: more would leave the processor's cache.
+# Numbers of one kind (pairs times FDM periods) in a buffer: more would not fit in the processor's cache.
 NUMBERS = 20_000
 MOST_STEPS = 256
 
@@ -20,7 +20,7 @@ MOST_STEPS = 256
 class StepBuffer:
     """Up to `size` filter steps of N vehicles and their P pairs.
 
-    The first `count` are filled in; those from `seen` on are new, and `moved` of them have flown on.
+    The first `count` are filled in; those from `seen` on are new, and of `moved` of them the motion is known.
     vehicles, periods        N, and FDM periods per filter step
     i, j                     (P,) vehicles of each pair, from 0
     t, recorded              (S,) s; whether the step is recorded
@@ -115,7 +115,7 @@ class StepBuffer:
         return np.stack([side.T.reshape(3, n, -1) for side in lie])
 
     def keep_last(self) -> None:
-        """Forget all steps but the last one, for what it led to is not known yet."""
+        """Drop all steps but the last one, whose motion is not known yet."""
         last = self.count - 1
         for a in (self.t, self.recorded, self.truth, self.rates, self.wanted, self.command, self.air):
             a[0] = a[last]

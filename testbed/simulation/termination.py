@@ -1,7 +1,7 @@
-"""What can befall a run in flight, in the words of its record: what, who, when. The run ends there, for all.
+"""Decides whether a fault ends a run, and writes what happened, to whom, and when.
 
-An aircraft that has left the air the model is made for, or a part that fails, has no motion that the others'
-guarantee could be judged against; see docs/decisions/0008-a-fault-ends-the-run.md.
+A fault ends the run for all vehicles: an aircraft outside its model, or a part that fails, has no
+motion against which a guarantee could be judged; see docs/decisions/0008-a-fault-ends-the-run.md.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from filters.model import Array
 
 
 def lost(reported: list[str], track: Array) -> str | None:
-    """Who of the fleet met what, None if nobody.
+    """The faults of the fleet, vehicle by vehicle; None if there are none.
 
-    reported  the plant's own words, one a vehicle, "" for none
+    reported  what the plant says, one per vehicle, "" for no fault
     track     (n, N, 3) m, positions since the filter step before
     """
     if not any(reported) and math.isfinite(track.sum()):
@@ -30,7 +30,7 @@ def lost(reported: list[str], track: Array) -> str | None:
 
 
 def raised(part: str, error: Exception) -> str:
-    """An exception out of a plant, a filter, a controller or a disturbance, and where it came from."""
+    """An exception in flight, and the file and line that raised it."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     what = " ".join(str(error).split()) or "no message"
     return f"{part} failed: {type(error).__name__}: {what} ({Path(last.filename).name}:{last.lineno})"
