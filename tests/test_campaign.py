@@ -374,7 +374,7 @@ def test_a_connection_that_breaks_is_made_again(
 
         def cut(seen: int) -> None:
             if seen in (5, 15):
-                client = pool._client
+                client = pool.client
                 client.loop.add_callback(client.scheduler_comm.comm.abort)
 
         state = flown(campaign_file(tmp_path), tmp_path / "out", pool, Watched(cut))

@@ -122,12 +122,14 @@ def test_equal_runs_give_equal_recordings(flown: Run, recording: Path, tmp_path:
     assert (tmp_path / recording.name).read_bytes() == recording.read_bytes()
 
 
-def test_the_pair_of_least_h_is_marked_among_several_and_let_go() -> None:
+def test_the_pair_of_least_h_is_marked_among_several_and_let_go(tmp_path: Path) -> None:
     flying = run(load("paper-20-turn", ["vehicles=4", "duration_s=0.1", "manoeuvre_instants=0"]))
     flying.tables["pairs"]["h_m"][:6] = [9, 9, 1, 9, 9, 9]  # at first vehicles 1 and 4
     flying.tables["pairs"]["h_m"][6:] = np.tile([9, 9, 9, 9, 9, 1], len(flying.pairs) // 6 - 1)
     del flying.__dict__["pairs"]
-    lines = [line for line in acmi._frames(flying, []) if line.startswith("101,")]
+    acmi.write(flying, tmp_path / "r.txt.acmi")
+    frames = (tmp_path / "r.txt.acmi").read_text(encoding="utf-8").partition("\n#0")[2]
+    lines = [line for line in frames.splitlines() if line.startswith("101,")]
     assert "LockedTarget=104" in lines[0] and "LockedTargetMode=1" in lines[0] and "h_m=1.0000" in lines[0]
     assert "LockedTargetMode=0" in lines[1] and "Color=Blue" in lines[1]
     assert not re.search("Color|Locked", lines[2])

@@ -15,7 +15,7 @@ from testbed.studies.paper.paper import make
 def test_the_first_time_is_the_first_and_never_is_nan() -> None:
     t = np.array([0.0, 0.1, 0.2])
     happened = np.array([[False, False, True], [True, False, False], [True, False, True]])
-    first = onset._first(t, happened)
+    first = onset.first_time(t, happened)
     assert first[0] == 0.1 and np.isnan(first[1]) and first[2] == 0.0
 
 

@@ -65,7 +65,7 @@ class Cluster:
                 logging.getLogger(name).setLevel(logging.CRITICAL)
         self._address, self._counted = address, (-math.inf, 0)
         try:
-            self._client = Client(address, timeout=timeout_s, set_as_default=False)
+            self.client = Client(address, timeout=timeout_s, set_as_default=False)
         except OSError:
             raise UserError(
                 f"--cluster {address}: no Dask scheduler answers there within {timeout_s:g} s"
@@ -73,9 +73,9 @@ class Cluster:
         except (ValueError, TypeError) as error:
             raise UserError(f"--cluster {address}: {error}") from None
         try:
-            self._client.wait_for_workers(1, timeout=timeout_s)
+            self.client.wait_for_workers(1, timeout=timeout_s)
         except TimeoutError:
-            self._client.close()
+            self.client.close()
             raise UserError(
                 f"--cluster {address}: the scheduler has no workers; start some with: dask worker {address}"
             ) from None
@@ -88,7 +88,7 @@ class Cluster:
             count = self._counted[1]
             # Where it cannot be asked, the jobs it has will tell.
             with suppress(*DISCONNECTED):
-                count = sum(self._client.nthreads().values())
+                count = sum(self.client.nthreads().values())
             self._counted = (now, count)
         return self._counted[1]
 
@@ -99,9 +99,9 @@ class Cluster:
         """A new connection in place of a lost one; raises UserError if the scheduler does not answer."""
         from distributed import Client
 
-        lost = self._client
+        lost = self.client
         try:
-            self._client = Client(self._address, timeout=TIMEOUT_S, set_as_default=False)
+            self.client = Client(self._address, timeout=TIMEOUT_S, set_as_default=False)
         except OSError:
             raise self._gone() from None
         with suppress(*DISCONNECTED):
@@ -113,7 +113,7 @@ class Cluster:
         todo, again = iter(range(len(jobs))), deque[int]()
         running: dict[Any, int] = {}
         lost: dict[int, int] = {}
-        ended, reconnected = as_completed(loop=self._client.loop), 0
+        ended, reconnected = as_completed(loop=self.client.loop), 0
 
         def fill() -> None:
             while len(running) < AHEAD * max(1, self.workers):
@@ -123,7 +123,7 @@ class Cluster:
                 if not again:
                     again.append(index)  # until it is given
                 message = pickle.dumps((work, jobs[index]))
-                future = self._client.submit(on_worker, index, message, pure=False)
+                future = self.client.submit(on_worker, index, message, pure=False)
                 again.popleft()
                 running[future] = index
                 ended.add(future)
@@ -144,7 +144,7 @@ class Cluster:
                     if reconnected == RECONNECTED:
                         raise self._gone()
                     self._reconnect()
-                    ended, reconnected = as_completed(loop=self._client.loop), reconnected + 1
+                    ended, reconnected = as_completed(loop=self.client.loop), reconnected + 1
                     again.extend(running.values())
                     running.clear()
                     continue
@@ -174,4 +174,4 @@ class Cluster:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._client.close()
+        self.client.close()

@@ -30,18 +30,6 @@ MODES = 192
 LOWEST, HIGHEST = 0.03, 3000.0
 
 
-def low_altitude(height_m: float, w20_mps: float) -> tuple[float, float, float, float]:
-    """sigma_u, sigma_w [m/s], L_u, L_w [m] at a height above ground, with `w20_mps` of wind at 20 ft.
-
-    Source  MIL-F-8785C, 3.7.3.4, for heights of 10 to 1000 ft; outside them ValueError.
-    """
-    share = height_m / 304.8  # of 1000 ft
-    if not 0.01 <= share <= 1.0:
-        raise ValueError(f"the low-altitude model is for heights of 3.048 to 304.8 m, got {height_m:g} m")
-    ratio = 0.177 + 0.823 * share
-    return 0.1 * w20_mps / ratio**0.4, 0.1 * w20_mps, height_m / ratio**1.2, height_m
-
-
 def energy_above(kl: Array) -> Array:
     """The share of the field's energy in wave numbers above kl / L, for kl (...) from 0 to infinity.
 

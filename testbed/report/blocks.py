@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -135,11 +134,6 @@ class Part:
     details: Sequence[str] = ()
     facts: Sequence[Fact] = ()
     sections: Sequence[Section] = field(default_factory=list)
-
-
-def slug(text: str) -> str:
-    """A plain file name from any text."""
-    return re.sub(r"[^A-Za-z0-9.-]+", "-", text).strip("-") or "data"
 
 
 def download(label: str, file: str, table: pd.DataFrame | str) -> tuple[Download, ...]:

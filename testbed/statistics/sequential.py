@@ -8,14 +8,12 @@ on the way; so a decision, and the interval that goes with it, are as good as `a
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from testbed.statistics.rates import Rate, rate_of
 
@@ -79,11 +77,6 @@ class Plan:
         spent = 2.0 * norm.sf(norm.isf(self.alpha / 2) / np.sqrt(flown))
         return tuple(np.diff(spent, prepend=0.0).tolist())
 
-    @property
-    def provable(self) -> bool:
-        """Whether the plan can prove the rate below the target at all, were there no event."""
-        return any(self.look(k + 1, 0).decision is Decision.BELOW for k in range(len(self.looks)))
-
     def look(self, number: int, events: int) -> Look:
         """Look `number` (from 1), `events` having been seen in the first looks[number - 1] runs."""
         seen = self._rate(number, events)
@@ -92,17 +85,6 @@ class Plan:
         if seen.low > self.target:
             return Look(number, seen, Decision.ABOVE)
         return Look(number, seen, Decision.UNDECIDED if number == len(self.looks) else Decision.GO_ON)
-
-    def follow(self, outcomes: Sequence[bool] | ArrayLike) -> Look:
-        """The plan applied to `outcomes` (n,), in the order the runs were planned: the look that decided,
-        or else the last that n runs allow. Runs after the deciding look are not looked at."""
-        seen = np.asarray(outcomes, dtype=bool)
-        last = Look(0, rate_of(0, 0), Decision.GO_ON)
-        for number, runs in enumerate(self.looks, 1):
-            if runs > seen.size or last.final:
-                break
-            last = self.look(number, int(seen[:runs].sum()))
-        return last
 
     def bounds(self) -> list[tuple[int, int]]:
         """Per look the most events that prove BELOW (-1: none does) and the fewest that prove ABOVE

@@ -12,7 +12,6 @@ from testbed.verification.recorded import Array
 
 Scenario = dict[str, Any]
 CHANNELS = ("v", "omega", "zeta")
-COLUMNS = ("v{}_mps", "omega{}_radps", "zeta{}_mps")
 
 
 def box(s: Scenario) -> tuple[Array, Array]:

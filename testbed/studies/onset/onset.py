@@ -82,16 +82,16 @@ def measure(case: Case) -> Onset:
     lateral = np.abs(x * y[0] - y * x[0]) / along
     return Onset(
         case,
-        _first(t, change > OVERRIDE),
-        _first(t, np.abs(np.degrees(omega)) > TURN_DEGPS),
-        _first(t, lateral > LATERAL_M),
+        first_time(t, change > OVERRIDE),
+        first_time(t, np.abs(np.degrees(omega)) > TURN_DEGPS),
+        first_time(t, lateral > LATERAL_M),
         t,
         np.degrees(omega[:, 0]),
         float(done.guarantee(SEPARATION.id)["value"]),
     )
 
 
-def _first(t: np.ndarray, happened: np.ndarray) -> np.ndarray:
+def first_time(t: np.ndarray, happened: np.ndarray) -> np.ndarray:
     """The first time [s] each column is True; nan where none is."""
     return np.where(happened.any(axis=0), t[np.argmax(happened, axis=0)], np.nan)
 
