@@ -71,7 +71,7 @@ class Check:
     first: tuple[int, tuple[int, ...]] | None = None
 
     def see(self, step: int, numbers: Array, *vehicles: NDArray[np.intp]) -> None:
-        """Count `numbers` (R,), each about the vehicles (R,), from 0, of the same place."""
+        """Count `numbers` (R,), each about the vehicles (R,), from 0, of the same place; -1 is no vehicle."""
         if numbers.size == 0:
             return
         below = np.flatnonzero(~(numbers >= self.least))
@@ -79,7 +79,7 @@ class Check:
         self.failed += below.size
 
         def at(r: int) -> tuple[int, tuple[int, ...]]:
-            return step, tuple(int(v[r]) + 1 for v in vehicles)
+            return step, tuple(int(v[r]) + 1 for v in vehicles if v[r] >= 0)
 
         if below.size and self.first is None:
             self.first = at(int(below[0]))

@@ -87,6 +87,11 @@ class State(_Arrays):
     theta: Array
     z: Array
 
+    @property
+    def position(self) -> Array:
+        """(..., 3) m: x, y, z along a new last axis; a copy."""
+        return np.stack([self.x, self.y, self.z], axis=-1)
+
 
 @dataclass(frozen=True, eq=False)
 class Command(_Arrays):
@@ -144,7 +149,7 @@ class Limits(_Arrays):
         return np.asarray(np.all(inside, axis=-1))
 
 
-def step(state: State, command: Command, dt: float) -> State:
+def step(state: State, command: Command, dt: float | Array) -> State:
     """Fly `command` for `dt` seconds: the exact arc of eq. (2), smooth through omega = 0.
 
     state    (N,) or (observers, N)  m, rad

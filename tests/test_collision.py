@@ -10,9 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from filters.barriers.class_k import cubic, linear
-from filters.barriers.closed_form import EuclideanBarrier, PairValues, StraightBarrier, TurnBarrier
+from filters.barriers.closed_form import StraightBarrier, TurnBarrier
+from filters.barriers.euclidean import EuclideanBarrier
+from filters.barriers.pairs import PairValues
+from filters.barriers.per_pair import PerPair
 from filters.cbf.collision import CollisionFilter, Passthrough, Problem
-from filters.cbf.constraints import PerPair, barrier_rows, limited_rows, observed_rows, shares
+from filters.cbf.constraints import manoeuvres, observed_rows, own_rows, pair_rows, shares
 from filters.model import Command, Limits, State, View
 from filters.qp import single
 from filters.qp.single import Status
@@ -23,6 +26,16 @@ TURN = TurnBarrier(16.0, 0.9 * OMEGA_MAX, 5.0, smoothing=30.0)
 ALPHA = cubic(0.1)
 MODES = ("centralised", "limited")
 VECTORS = json.loads((Path(__file__).parent / "reference" / "vectors.json").read_text())
+
+
+def rows_of(state, barrier=TURN, alpha=ALPHA):
+    """The rows of all pairs."""
+    return pair_rows(barrier.values(state), state, alpha)
+
+
+def own_of(rows, n):
+    """Every vehicle's share of them."""
+    return own_rows([rows], [shares(rows, manoeuvres(TURN, rows, n, TURN.manoeuvre(n).array()))])
 
 
 def random_state(rng, n, radius=60.0):
@@ -79,12 +92,12 @@ def test_inside_the_safe_set_every_qp_is_solved_inside_the_limits(mode, seed, n)
 def test_limited_rows_add_up_to_the_pairs_rows_and_gamma_satisfies_both(seed, n):
     rng = np.random.default_rng(seed)
     state = random_state(rng, n)
-    rows = barrier_rows(TURN, ALPHA, state)
-    own = limited_rows(rows, *shares(TURN, rows, n))
+    rows = rows_of(state)
+    own = own_of(rows, n)
     half = rows.rhs.size
     np.testing.assert_allclose(own.rhs[:half] + own.rhs[half:], rows.rhs, rtol=1e-12, atol=1e-9)
     gamma = TURN.manoeuvre(n).array()
-    safe = rows.pairs.h >= 0
+    safe = rows.h >= 0
     assert np.all((rows.left(gamma) >= rows.rhs - 1e-9)[safe])  # Theorem 3
     assert np.all((own.left(gamma) >= own.rhs - 1e-9)[np.tile(safe, 2)])  # Theorem 4
 
@@ -92,25 +105,21 @@ def test_limited_rows_add_up_to_the_pairs_rows_and_gamma_satisfies_both(seed, n)
 def undropped(state, nominal, mode):
     """The same QPs with every row kept and all vehicles in one problem."""
     n = len(state)
-    rows = barrier_rows(TURN, ALPHA, state)
+    rows = rows_of(state)
     lower, upper = (np.broadcast_to(c.array(), (n, 3)) for c in (LIMITS.lower, LIMITS.upper))
     target = nominal.array()
     if mode == "centralised":
         matrix = np.zeros((rows.rhs.size, n, 3))
-        matrix[np.arange(rows.rhs.size), rows.i] = rows.lie_i
-        matrix[np.arange(rows.rhs.size), rows.j] = rows.lie_j
+        for vehicle, lie in zip(rows.vehicles, rows.lie, strict=True):
+            matrix[np.arange(rows.rhs.size), vehicle] = lie
         solution = single.solve(
             target.ravel(), matrix.reshape(-1, 3 * n), rows.rhs, lower.ravel(), upper.ravel()
         )
         return solution.u.reshape(n, 3)
-    own = limited_rows(rows, *shares(TURN, rows, n))
+    own = own_of(rows, n)
+    mine = [own.vehicles[0] == v for v in range(n)]
     return np.array(
-        [
-            single.solve(
-                target[v], own.lie[own.vehicle == v], own.rhs[own.vehicle == v], lower[v], upper[v]
-            ).u
-            for v in range(n)
-        ]
+        [single.solve(target[v], own.lie[0][m], own.rhs[m], lower[v], upper[v]).u for v, m in enumerate(mine)]
     )
 
 
@@ -192,7 +201,7 @@ class Broken:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_a_bad_barrier_value_is_an_error_that_names_the_pair(mode, bad):
     state = safe_state(np.random.default_rng(14), 4)
-    with pytest.raises(FloatingPointError, match=r"vehicles 1 and 3 \(pair 2 of 6\)"):
+    with pytest.raises(FloatingPointError, match=r"vehicles 1 and 3 \(row 2 of 6\)"):
         CollisionFilter(Broken(bad), ALPHA, mode)(
             view_of(state), random_nominal(np.random.default_rng(1), 4), LIMITS
         )
@@ -219,9 +228,9 @@ def test_a_bad_derivative_is_an_error_that_names_the_pair_whatever_it_is_a_deriv
     state = safe_state(np.random.default_rng(14), 4)
     with (
         np.errstate(invalid="ignore"),
-        pytest.raises(FloatingPointError, match=r"vehicles 1 and 3 \(pair 2 of 6\) is not finite: h \d"),
+        pytest.raises(FloatingPointError, match=r"vehicles 1 and 3 \(row 2 of 6\) is not finite: h \d"),
     ):
-        barrier_rows(Steep(bad, column), ALPHA, state)
+        rows_of(state, Steep(bad, column))
 
 
 def test_numbers_whose_sum_is_not_finite_are_refused_naming_the_largest():
@@ -231,12 +240,12 @@ def test_numbers_whose_sum_is_not_finite_are_refused_naming_the_largest():
     def alpha(h):
         return np.where(np.arange(h.size) == 3, 1.7e308, 1.6e308)
 
-    with pytest.raises(FloatingPointError, match=r"vehicles 2 and 3 \(pair 4 of 6\) .*alpha\(h\) 1.7e\+308$"):
-        barrier_rows(TURN, alpha, state)
+    with pytest.raises(FloatingPointError, match=r"vehicles 2 and 3 \(row 4 of 6\) .*L_f h -1.7e\+308$"):
+        rows_of(state, alpha=alpha)
     assert h.size == 6
     infinite = np.where(np.arange(6) == 4, np.inf, 1.0)
-    with pytest.raises(FloatingPointError, match=r"vehicles 2 and 4 \(pair 5 of 6\)"):
-        barrier_rows(TURN, lambda h: infinite, state)
+    with pytest.raises(FloatingPointError, match=r"vehicles 2 and 4 \(row 5 of 6\)"):
+        rows_of(state, alpha=lambda h: infinite)
 
 
 def test_the_deviation_is_each_vehicles_largest_change_beyond_the_limits():
@@ -288,8 +297,7 @@ def test_barriers_per_pair_are_those_of_their_pairs_and_ds_is_the_largest():
     # the other way round it is the same pair, and some of them are these
     some = together.values(state, np.array([3, 2]), np.array([1, 0]))
     assert some.h == pytest.approx([each[4].values(state).h[4], each[1].values(state).h[1]])
-    with pytest.raises(ValueError, match=r"^barriers per pair have no common evading manoeuvre$"):
-        together.manoeuvre(4)
+    assert together.manoeuvre(4) is None
     with pytest.raises(ValueError, match="Assumption 1"):
         CollisionFilter(together, ALPHA)
     with pytest.raises(
@@ -303,13 +311,12 @@ def test_every_observers_rows_are_its_own_of_the_world_it_sees():
     n = 4
     worlds = [random_state(rng, n) for _ in range(n)]
     view = View(State.of([w.array() for w in worlds]), Command.of(np.tile([20.0, 0.0, 0.0], (n, n, 1))))
-    found = observed_rows(TURN, ALPHA, view)
+    found = observed_rows(TURN, ALPHA, view, TURN.manoeuvre(n).array())
     for v, world in enumerate(worlds):
-        pairs = barrier_rows(TURN, ALPHA, world)
-        rows = limited_rows(pairs, *shares(TURN, pairs, n))
-        mine, seen = rows.vehicle == v, found.vehicle == v
-        expected = np.column_stack([rows.lie, rows.rhs])[mine]
-        got = np.column_stack([found.lie, found.rhs])[seen]
+        rows = own_of(rows_of(world), n)
+        mine, seen = rows.vehicles[0] == v, found.vehicles[0] == v
+        expected = np.column_stack([rows.lie[0], rows.rhs])[mine]
+        got = np.column_stack([found.lie[0], found.rhs])[seen]
         order = np.argsort(expected[:, 0]), np.argsort(got[:, 0])
         np.testing.assert_allclose(got[order[1]], expected[order[0]], rtol=1e-9, atol=1e-9)
 
@@ -396,8 +403,8 @@ def test_each_vehicle_decides_on_its_own_view():
     for v, world in enumerate(worlds):
         alone = decide(view_of(world), nominal, LIMITS)
         np.testing.assert_allclose(decision.command[v].array(), alone.command[v].array(), rtol=0, atol=1e-9)
-    own = observed_rows(TURN, ALPHA, view)
-    np.testing.assert_array_equal(np.bincount(own.vehicle), [n - 1] * n)
+    own = observed_rows(TURN, ALPHA, view, decide.gamma(n))
+    np.testing.assert_array_equal(np.bincount(own.vehicles[0]), [n - 1] * n)
     np.testing.assert_allclose(decision.pairs.h, TURN.values(view.own().state).h)
 
 
@@ -451,11 +458,10 @@ def test_an_active_circle_is_solved_at_every_step(k, mode):
 
 
 def test_a_problem_without_a_barrier_still_ends_inside_the_box():
-    rows = barrier_rows(
-        EuclideanBarrier(5.0), linear(1.0), State([-3.0, 3.0], [0.0, 0.0], [0.0, np.pi], [0.0, 0.0])
-    )
+    state = State([-3.0, 3.0], [0.0, 0.0], [0.0, np.pi], [0.0, 0.0])
+    rows = rows_of(state, EuclideanBarrier(5.0), linear(1.0))
     lower, upper = (np.tile(c.array(), (2, 1)) for c in (LIMITS.lower, LIMITS.upper))
-    u, status, residual = Problem(np.tile([20.0, 0.0, 0.0], (2, 1)), lower, upper).centralised(rows)
+    u, status, residual = Problem(np.tile([20.0, 0.0, 0.0], (2, 1)), lower, upper).centralised([rows])
     assert (
         np.all((u >= lower) & (u <= upper)) and np.all(status == Status.INFEASIBLE) and np.all(residual > 0)
     )

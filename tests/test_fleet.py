@@ -41,7 +41,7 @@ def test_step_returns_every_position_and_ends_at_the_state(plant):
     track = plant.step(Command([20.0, 22.0], [0.1, -0.1], [1.0, -1.0]), CALM, 7)
     assert track.shape == (7, 2, 3)
     state = plant.state()
-    np.testing.assert_array_equal(track[-1], np.stack([state.x, state.y, state.z], axis=-1))
+    np.testing.assert_array_equal(track[-1], state.position)
     assert np.all(np.linalg.norm(np.diff(track, axis=0), axis=2) > 0.05)
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from aircraft.airframe import load as load_airframe
 from aircraft.kinematic import KinematicFleet
-from filters.barriers.closed_form import EuclideanBarrier, TurnBarrier
+from filters.barriers.closed_form import TurnBarrier
+from filters.barriers.euclidean import EuclideanBarrier
 from filters.cbf.theorem_monitor import theorem_checks
 from filters.filter import MonitorRecord
 from filters.model import Command, Limits, State
@@ -478,6 +479,6 @@ def test_separation_is_tracked_between_filter_steps() -> None:
 def test_state_is_never_nan_in_tally() -> None:
     statistics = RunStatistics(2)
     state = State([0.0, 3.0], [0.0, 4.0], 0.0, 0.0)
-    statistics.start(np.stack([state.x, state.y, state.z], axis=-1), np.zeros((2, 3)), 4.0)
+    statistics.start(state.position, np.zeros((2, 3)), 4.0)
     assert statistics.separation.worst() == (0, 5.0, 0.0)
     assert statistics.passed.tolist()[0] == 0.0 and np.isnan(statistics.passed[1])

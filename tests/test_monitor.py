@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from filters.barriers.class_k import cubic, linear
-from filters.barriers.closed_form import EuclideanBarrier, TurnBarrier
+from filters.barriers.closed_form import TurnBarrier
+from filters.barriers.euclidean import EuclideanBarrier
 from filters.cbf.collision import CollisionFilter
-from filters.cbf.constraints import limited_rows, shares
+from filters.cbf.constraints import own_rows
 from filters.cbf.problem import Problem
-from filters.cbf.theorem_monitor import Monitor, _cosines, theorem_checks
+from filters.cbf.theorem_monitor import Monitor, cosines, theorem_checks
 from filters.filter import Check
 from filters.model import Command, Limits, State, View, step
 from filters.qp.single import Status
@@ -101,9 +102,9 @@ def test_the_papers_three_vehicles_are_unsolvable_inside_the_safe_set_unless_the
     np.testing.assert_array_equal(decision.status, [Status.INFEASIBLE] * 3)
     assert np.all(limits.contains(decision.command)) and np.all(decision.residual > 0.1)
     # Each pair's own gamma satisfies its row, yet no input satisfies all three.
-    rows = separate.rows(view_of(state))
-    gammas = separate.barrier.manoeuvres(rows.i, rows.j, 3)
-    assert np.all(np.sum(rows.lie_i * gammas[0], -1) + np.sum(rows.lie_j * gammas[1], -1) >= -1e-12)
+    (rows,) = separate.constraints(view_of(state))
+    gammas = separate.barrier.manoeuvres(*rows.vehicles, 3)
+    assert np.all(np.sum(np.multiply(rows.lie, gammas), axis=(0, -1)) >= -1e-12)
     # Sharing gamma does not rescue this state but puts it outside the safe set.
     shared = CollisionFilter(left, cubic(1.0))(view_of(state), nominal, limits)
     assert shared.pairs.h[0] == pytest.approx({"root": -0.43845, "squared": -0.24621}[form], abs=1e-5)
@@ -163,7 +164,7 @@ def test_the_claims_are_those_of_the_theorems_with_their_units_and_bounds():
 def test_cosines_are_those_of_every_pair_and_zero_with_nothing():
     vectors = np.array([[2.0, 0.0, 0.0], [3.0, 3.0, 0.0], [0.0, 0.0, 0.0], [-0.5, 0.0, 0.0]])
     half = np.sqrt(0.5)
-    np.testing.assert_allclose(_cosines(vectors), [half, 0.0, -1.0, 0.0, -half, 0.0], atol=1e-15)
+    np.testing.assert_allclose(cosines(vectors), [half, 0.0, -1.0, 0.0, -half, 0.0], atol=1e-15)
 
 
 def crowd():
@@ -188,22 +189,21 @@ def test_at_one_step_the_monitor_sees_what_the_rows_and_both_qps_say():
     monitor(view, nominal, LIMITS)
     seen = monitor.record.checks
 
-    rows, gamma = filter_.rows(view), filter_.gamma(4)
-    lower, upper = (np.broadcast_to(c, (4, 3)) for c in LIMITS.corners)
-    problem = Problem(nominal.array(), lower, upper, TURN)
-    own = limited_rows(rows, *shares(TURN, rows, 4))
-    (u, status, _), (v, status_own, _) = problem.centralised(rows), problem.limited(own)
+    (rows,), gamma = filter_.constraints(view), filter_.gamma(4)
+    problem = filter_.problem(view, nominal, LIMITS)
+    own = own_rows([rows], filter_.shares([rows], 4))
+    (u, status, _), (v, status_own, _) = problem.centralised([rows]), problem.limited(own)
     assert np.all(status == Status.SOLVED) and np.all(status_own == Status.SOLVED)
-    i, j, safe = rows.i, rows.j, rows.pairs.h >= 0
-    edge = np.abs(rows.pairs.h) <= 8.0
+    (i, j), safe = rows.vehicles, rows.h >= 0
+    edge = np.abs(rows.h) <= 8.0
     assert 0 < edge.sum() < 6
-    size = np.linalg.norm(np.hstack([rows.lie_i, rows.lie_j]), axis=1)
+    size = np.linalg.norm(np.hstack(rows.lie), axis=1)
     twice = np.tile(safe, 2)
     expected = {
         "gradient": (size[edge], i[edge], j[edge]),
         "limited_is_safe": (rows.left(v) - rows.rhs, i, j),
         "gamma_is_safe": ((rows.left(gamma) - rows.rhs)[safe], i[safe], j[safe]),
-        "gamma_is_safe_limited": ((own.left(gamma) - own.rhs)[twice], own.vehicle[twice]),
+        "gamma_is_safe_limited": ((own.left(gamma) - own.rhs)[twice], own.vehicles[0][twice]),
         "solvable": (np.ones(1),),
         "solvable_limited": (np.ones(4), np.arange(4)),
     }
@@ -226,7 +226,7 @@ def test_at_one_step_the_monitor_sees_what_the_rows_and_both_qps_say():
     active = np.flatnonzero(np.abs(rows.left(u) - rows.rhs) <= 1e-6 * size)
     full = np.zeros((len(active), 4, 3))
     for r, p in enumerate(active):
-        full[r, i[p]], full[r, j[p]] = rows.lie_i[p], rows.lie_j[p]
+        full[r, i[p]], full[r, j[p]] = rows.lie[0][p], rows.lie[1][p]
     unit = full.reshape(len(active), -1) / size[active, None]
     pairs = [(a, b) for a in range(len(active)) for b in range(a + 1, len(active))]
     assert seen["aligned"].checked == 2 * len(pairs) > 0
@@ -237,9 +237,9 @@ def test_at_one_step_the_monitor_sees_what_the_rows_and_both_qps_say():
 
     found = []
     for vehicle in range(4):
-        mine = np.flatnonzero(own.vehicle == vehicle)
-        tight = mine[np.abs(own.left(v) - own.rhs)[mine] <= 1e-6 * np.linalg.norm(own.lie[mine], axis=1)]
-        found += [(vehicle, c) for c in _cosines(own.lie[tight])]
+        mine = np.flatnonzero(own.vehicles[0] == vehicle)
+        tight = mine[np.abs(own.left(v) - own.rhs)[mine] <= 1e-6 * np.linalg.norm(own.lie[0][mine], axis=1)]
+        found += [(vehicle, c) for c in cosines(own.lie[0][tight])]
     assert seen["aligned_limited"].checked == 2 * len(found) > 0
     vehicle, cosine = min(found, key=lambda pair: pair[1])
     assert seen["aligned_limited"].worst == pytest.approx(cosine, abs=1e-9)

@@ -53,7 +53,7 @@ def test_a_branch_goes_on_bit_for_bit_as_the_flight_did(plant: Replay) -> None:
 def test_a_branch_inside_a_step_stands_where_the_track_passed(plant: Replay) -> None:
     track = fly(plant, 0, 3)
     state = plant.branch(13 * DT).state()
-    assert np.array_equal(np.stack([state.x, state.y, state.z], -1), track[12])
+    assert np.array_equal(state.position, track[12])
 
 
 def test_branching_leaves_the_flight_untouched(plant: Replay) -> None:

@@ -14,7 +14,7 @@ from aircraft.kinematic import KinematicFleet, Lag
 from filters.barriers.class_k import cubic, linear
 from filters.barriers.closed_form import TurnBarrier
 from filters.cbf.collision import CollisionFilter, Passthrough
-from filters.cbf.constraints import barrier_rows, limited_rows, shares
+from filters.cbf.constraints import manoeuvres, own_rows, pair_rows, shares
 from filters.model import Command, Limits, State, View, step
 from filters.qp.single import Status
 from filters.wrappers.air_mass import AirMass
@@ -28,6 +28,16 @@ GAMMA = TURN.manoeuvre(2)
 ALPHA = cubic(0.1)
 MODES = ("centralised", "limited")
 BOUNDS = BoundedError(v=0.5, omega=np.deg2rad(1.0), zeta=0.2)
+
+
+def rows_of(state):
+    """The rows of all pairs."""
+    return pair_rows(TURN.values(state), state, ALPHA)
+
+
+def own_of(rows, n):
+    """Every vehicle's share of them."""
+    return own_rows([rows], [shares(rows, manoeuvres(TURN, rows, n, TURN.manoeuvre(n).array()))])
 
 
 def rng_of(seed):
@@ -75,9 +85,9 @@ def test_bounded_errors_cannot_break_the_barrier_condition(mode, seed, n):
     state = random_state(rng, n, 40.0 * np.sqrt(n))
     nominal = random_rates(rng, n)
     made = CollisionFilter(TURN, ALPHA, mode, margin=BOUNDS)(View(state, nominal), nominal, LIMITS)
-    rows = barrier_rows(TURN, ALPHA, state)
+    rows = rows_of(state)
     solved = made.status == Status.SOLVED
-    both = solved[rows.i] & solved[rows.j]
+    both = solved[rows.vehicles[0]] & solved[rows.vehicles[1]]
     worst = np.array([BOUNDS.v, BOUNDS.omega, BOUNDS.zeta])
     for corner in rng.choice([-1.0, 1.0], (64, n, 3)):
         hdot = rows.left(made.command.array() + corner * worst)
@@ -91,7 +101,7 @@ def test_the_bounded_margin_is_the_smallest_that_does_it(mode):
     nominal = Command([25.0, 25.0], 0.0, 0.0)
     made = CollisionFilter(TURN, ALPHA, mode, margin=BOUNDS)(View(state, nominal), nominal, LIMITS)
     assert np.all(made.status == Status.SOLVED) and np.all(made.override)
-    rows = barrier_rows(TURN, ALPHA, state)
+    rows = rows_of(state)
     worst = np.array([BOUNDS.v, BOUNDS.omega, BOUNDS.zeta])
     left = min(
         rows.left(made.command.array() + np.reshape(signs, (2, 3)) * worst)[0] - rows.rhs[0]
@@ -103,12 +113,12 @@ def test_the_bounded_margin_is_the_smallest_that_does_it(mode):
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**31))
 def test_a_margin_is_split_by_sides_and_limited_rows_still_add_up(seed):
-    rows = barrier_rows(TURN, ALPHA, random_state(rng_of(seed), 4))
-    own = limited_rows(rows, *shares(TURN, rows, 4)).raised(BOUNDS)
+    rows = rows_of(random_state(rng_of(seed), 4))
+    own = own_of(rows, 4).raised(BOUNDS)
     i, j = np.split(own.rhs, 2)
     np.testing.assert_allclose(i + j, rows.raised(BOUNDS).rhs, rtol=1e-12, atol=1e-9)
-    plain_i, _ = np.split(limited_rows(rows, *shares(TURN, rows, 4)).rhs, 2)
-    np.testing.assert_allclose(i - plain_i, BOUNDS(rows.lie_i), rtol=1e-9, atol=1e-9)
+    plain_i, _ = np.split(own_of(rows, 4).rhs, 2)
+    np.testing.assert_allclose(i - plain_i, BOUNDS(rows.lie[0]), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("margin", [None, BOUNDS], ids=["none", "bounds"])

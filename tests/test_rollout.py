@@ -13,14 +13,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from filters.barriers import global_minimum as search
-from filters.barriers.closed_form import (
-    EuclideanBarrier,
-    ForwardDifference,
-    StraightBarrier,
-    TurnBarrier,
-    all_pairs,
-)
+from filters.barriers.closed_form import StraightBarrier, TurnBarrier
+from filters.barriers.euclidean import EuclideanBarrier
 from filters.barriers.global_minimum import NotLocated, global_minimum
+from filters.barriers.pairs import ForwardDifference, all_pairs
 from filters.barriers.range_functions import Motion, SquaredRange
 from filters.barriers.rollout import PremiseNotMet, RolloutBarrier
 from filters.model import Command, State, step

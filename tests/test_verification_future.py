@@ -32,7 +32,7 @@ def scattered(overrides: list[str], radius_m: float) -> Scenario:
 
 def pose_of(s: Scenario, seed: int) -> tuple[Pose, object]:
     state, _ = places(s, generators(seed)["start"])
-    return Pose(np.stack([state.x, state.y, state.z], axis=-1)[None], state.theta[None]), state
+    return Pose(state.position[None], state.theta[None]), state
 
 
 def flown(s: Scenario, pose: Pose) -> Flown:
@@ -112,5 +112,5 @@ def test_the_start_is_the_scenarios(overrides: list[str]) -> None:
     s = load("paper-2-turn", overrides)
     state, _ = places(s, generators(s.seed)["start"])
     own = start(s.model_dump(mode="json"))
-    assert np.allclose(own.position, np.stack([state.x, state.y, state.z], axis=-1), rtol=0, atol=1e-10)
+    assert np.allclose(own.position, state.position, rtol=0, atol=1e-10)
     assert np.allclose(own.theta, state.theta, rtol=0, atol=1e-12)

@@ -16,9 +16,7 @@ from filters.barriers.pairs import (
     ARRAYS,
     FEW,
     NUMBERS,
-    Barrier,
     Form,
-    ForwardDifference,
     Index,
     PairValues,
     all_pairs,
@@ -30,21 +28,8 @@ from filters.barriers.pairs import (
     form_function,
     vehicle_of,
 )
-from filters.barriers.rollout import PremiseNotMet, RolloutBarrier
 from filters.barriers.turn_kernel import clearance
 from filters.model import Array, Command, State
-
-__all__ = [
-    "Barrier",
-    "EuclideanBarrier",
-    "ForwardDifference",
-    "PairValues",
-    "PremiseNotMet",
-    "RolloutBarrier",
-    "StraightBarrier",
-    "TurnBarrier",
-    "all_pairs",
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +140,7 @@ class TurnBarrier:
             numbers += -c.x * cos_b - c.y * sin_b, c.theta_j, -c.z
         found = np.array(numbers).reshape(-1, 15)
         sides = found[:, 9:12], found[:, 12:]
-        return PairValues(i, j, found[:, 0], found[:, 1:9], sides)
+        return PairValues(i, j, found[:, 0], found[:, 1:9], (state, sides))
 
     def phasor(self, state: State) -> Array:
         """Z of every pair i < j (..., P), complex, m^2: the kink of h is where it is 0, smoothing apart.
@@ -254,50 +239,6 @@ class StraightBarrier:
             np.negative(grad[0:2], out=grad[4:6])
             grad[6] = lever * (d.real * velocity_j.imag - d.imag * velocity_j.real)
             np.negative(grad[3], out=grad[7])
-            return h
-
-        return by_blocks(*chosen_pairs(state, i, j), kernel)
-
-
-@dataclass(frozen=True, eq=False)
-class EuclideanBarrier:
-    """The clearance of each pair now: the paper's example of a function that is no barrier.
-
-    d_safe  m, separation to keep
-    form    "root" (h in m) or "squared" (h in m^2, the paper's)
-    gamma   what vehicles fly when there is no solution, (N,) or numbers for all; h itself uses no manoeuvre
-    Raises  ValueError for parameters out of range, and from `manoeuvre` without gamma.
-    Source  Squires et al. 2022, Motivating Example. On its head-on state the sup of hdot + alpha(h) over the
-            inputs is -4 Ds v_min + 8 eps zeta_max + alpha(4 eps^2) in squared form (printed: 2 eps zeta_max).
-    """
-
-    d_safe: float
-    form: str = "root"
-    gamma: Command | None = None
-
-    def __post_init__(self) -> None:
-        check_separation(self.d_safe)
-        form_function(self.form)
-
-    def manoeuvre(self, n: int) -> Command:
-        """(n,): the fallback manoeuvre given."""
-        if self.gamma is None:
-            raise ValueError(
-                "the Euclidean barrier has no evading manoeuvre; give gamma to have one to fall back on"
-            )
-        v, omega, zeta = (np.broadcast_to(c, n) for c in (self.gamma.v, self.gamma.omega, self.gamma.zeta))
-        return Command(v, omega, zeta)
-
-    def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
-        """h and gradient (see `Barrier.values`)."""
-        form = form_function(self.form)
-
-        def kernel(i: Index, j: Index, grad: Array) -> Array:
-            dx, dy, dz = (a[i] - a[j] for a in (state.x, state.y, state.z))
-            h, slope = form(dx * dx + dy * dy + dz * dz, self.d_safe, ARRAYS)
-            slope = 2.0 * slope
-            grad[0], grad[1], grad[2], grad[3] = slope * dx, slope * dy, 0.0, slope * dz
-            np.negative(grad[:4], out=grad[4:])
-            return h
+            return np.asarray(h)
 
         return by_blocks(*chosen_pairs(state, i, j), kernel)

@@ -32,23 +32,23 @@ class PairValues:
     i, j  (P,) 0-based vehicles, i < j unless the caller chose them; as given when the caller gave indices
     h     (P,) m in root form, m^2 in squared form; h >= 0 is safe
     grad  (P, 8) dh/d[x_i, x_j], columns x, y, theta, z of vehicle i, then of j
-    sides  what `lie` gives, where it was made with h; else None
+    known  the state the values were made at and L_g h there, where both were made together; else None
     """
 
     i: Index
     j: Index
     h: Array
     grad: Array
-    sides: tuple[Array, Array] | None = None
+    known: tuple[State, tuple[Array, Array]] | None = None
 
     def lie(self, state: State) -> tuple[Array, Array]:
         """L_g h of vehicles i and of j at `state`, each (P, 3) over (v, omega, zeta); L_f h = 0.
 
-        state  the state the values were computed at
+        state  the state the values were computed at; it gives the courses
         Source  Squires et al. 2022, eq. (2): g has the columns (cos theta, sin theta, 0, 0), e_3 and e_4.
         """
-        if self.sides is not None:
-            return self.sides
+        if self.known is not None and self.known[0] is state:
+            return self.known[1]
         ahead = np.empty((2, *state.shape))
         np.cos(state.theta, out=ahead[0])
         np.sin(state.theta, out=ahead[1])
@@ -69,8 +69,8 @@ class Barrier(Protocol):
         """Ds [m], the separation to keep."""
         ...
 
-    def manoeuvre(self, n: int) -> Command:
-        """gamma, (n,): what each of n vehicles flies to evade."""
+    def manoeuvre(self, n: int) -> Command | None:
+        """gamma, (n,): what each of n vehicles flies to evade; None if there is no one manoeuvre."""
         ...
 
     def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
@@ -207,7 +207,8 @@ class ForwardDifference:
     def d_safe(self) -> float:
         return self.barrier.d_safe
 
-    def manoeuvre(self, n: int) -> Command:
+    def manoeuvre(self, n: int) -> Command | None:
+        """That of the barrier whose gradient is differenced."""
         return self.barrier.manoeuvre(n)
 
     def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:

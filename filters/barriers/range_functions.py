@@ -39,13 +39,13 @@ class Motion:
         planar = (
             np.abs(self.centre) + np.abs(self.drift) * self.horizon + np.abs(self.arm_i) + np.abs(self.arm_j)
         )
-        return np.hypot(planar, np.abs(self.height) + np.abs(self.climb) * self.horizon)
+        return np.asarray(np.hypot(planar, np.abs(self.height) + np.abs(self.climb) * self.horizon))
 
     @property
     def largest_speed(self) -> Array:
         """m/s, bound of the relative speed."""
         turning = np.abs(self.arm_i * self.rate_i) + np.abs(self.arm_j * self.rate_j)
-        return np.hypot(np.abs(self.drift) + turning, self.climb)
+        return np.asarray(np.hypot(np.abs(self.drift) + turning, self.climb))
 
     @property
     def largest_acceleration(self) -> Array:
@@ -95,7 +95,7 @@ class SquaredRange:
         return np.stack([dx, dy, turn, dz, -dx, -dy, np.zeros_like(dx), -dz], axis=-1)
 
     def reach(self, value: Array) -> Array:
-        return np.sqrt(np.maximum(value + (2 + np.sqrt(2)) * self.delta, 0.0))
+        return np.asarray(np.sqrt(np.maximum(value + (2 + np.sqrt(2)) * self.delta, 0.0)))
 
     def curvature(self, motion: Motion) -> Array:
         """The sum of each harmonic's amplitude times its rate squared: 0 for a range that stays constant."""
@@ -108,4 +108,4 @@ class SquaredRange:
         both = 2 * np.abs(m.arm_i * m.arm_j)
         bend = first * m.rate_i**2 + second * m.rate_j**2 + both * (m.rate_i - m.rate_j) ** 2
         turning = np.abs(m.arm_i * m.rate_i) + np.abs(m.arm_j * m.rate_j)
-        return bend + 2 * (np.abs(m.drift) ** 2 + m.climb**2) + 4 * np.abs(m.drift) * turning
+        return np.asarray(bend + 2 * (np.abs(m.drift) ** 2 + m.climb**2) + 4 * np.abs(m.drift) * turning)

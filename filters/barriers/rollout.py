@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
+from numpy.typing import NDArray
 
 from filters.barriers.global_minimum import NotLocated, global_minimum
 from filters.barriers.pairs import (
@@ -25,6 +26,8 @@ from filters.barriers.pairs import (
 )
 from filters.barriers.range_functions import Motion, Safety, SquaredRange
 from filters.model import Array, Command, State, step
+
+Indices = NDArray[np.intp]
 
 # Turn rates whose ratio is p/q with p, q up to this have a common period; more turns are not searched.
 RATIO_LIMIT = 64
@@ -103,8 +106,8 @@ class RolloutBarrier:
         i, j = chosen_pairs(state, i, j)
         tau = self.worst_time(state, i, j)
         a, b = state[i], state[j]
-        end_a = step(a, self.gamma[vehicle_of(i)], tau)  # type: ignore[arg-type]
-        end_b = step(b, self.gamma[vehicle_of(j)], tau)  # type: ignore[arg-type]
+        end_a = step(a, self.gamma[vehicle_of(i)], tau)
+        end_b = step(b, self.gamma[vehicle_of(j)], tau)
         rho = self.safety.value(end_a, end_b)
         h, slope = (rho, 1.0) if self.form == "plain" else form_function(self.form)(rho, self.d_safe, ARRAYS)
         grad = np.array(self.safety.gradient(end_a, end_b).T, order="C")
@@ -123,13 +126,14 @@ class RolloutBarrier:
         period = self._period[vehicle_i, vehicle_j]
         motion = _motion(a, b, gamma_a, gamma_b, period, self.safety)
 
-        def value(p, tau):
+        def value(p: Indices, tau: Array) -> Array:
             return self.safety.value(step(a[p], gamma_a[p], tau), step(b[p], gamma_b[p], tau))
 
-        def slope(p, tau):
+        def slope(p: Indices, tau: Array) -> Array:
             end_a, end_b = step(a[p], gamma_a[p], tau), step(b[p], gamma_b[p], tau)
             motions = [_rates(end_a, gamma_a[p]), _rates(end_b, gamma_b[p])]
-            return np.sum(self.safety.gradient(end_a, end_b) * np.concatenate(motions, axis=-1), axis=-1)
+            along = self.safety.gradient(end_a, end_b) * np.concatenate(motions, axis=-1)
+            return np.asarray(np.sum(along, axis=-1))
 
         rate = np.maximum(np.abs(gamma_a.omega), np.abs(gamma_b.omega))
         scale = 1.0 / np.maximum(rate, 1.0 / np.maximum(motion.horizon, 1e-3))

@@ -1,4 +1,4 @@
-"""The collision-avoidance filter: the commands nearest to the nominal ones that satisfy every barrier's row.
+"""The collision-avoidance filter: the commands nearest to the nominal ones that satisfy every constraint.
 
 The rows (`constraints`) are solved either for all vehicles at once ("centralised", Squires et al. 2022,
 "Composition") or by every vehicle for itself, from what it sees and without knowing the others' inputs
@@ -9,23 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from filters.barriers.pairs import Barrier, PairValues
-from filters.cbf.constraints import PerPair, Rows, barrier_rows, limited_rows, observed_rows, shares
-from filters.cbf.problem import Problem, manoeuvre
-from filters.constraints import Alpha, Constraints, Margin
+from filters.barriers.per_pair import PerPair
+from filters.cbf.constraints import manoeuvres, observed_rows, observed_shares, own_rows, pair_rows, shares
+from filters.cbf.problem import Problem, input_set
+from filters.constraints import Alpha, Constraints, Maker, Margin
 from filters.filter import Decision, Declaration
 from filters.model import Array, Command, Limits, View
 from filters.qp import single
 from filters.qp.single import Status
-
-# Smallest change of a command that counts as the filter's doing [m/s, rad/s, m/s]; QPs are solved to 1e-9.
-OVERRIDE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -33,9 +29,10 @@ class Passthrough:
     """No filter: the nominal commands clipped to the limits, status NONE."""
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
+        """The commands (N,) inside `limits`."""
         problem = Problem(*input_set(view, nominal, limits))
         none = np.zeros(len(problem.target))
-        return decision(problem, problem.clipped, none.astype(int), none, None, np.zeros(0))
+        return problem.decision(problem.clipped, none.astype(int), none, None, np.zeros(0))
 
     @property
     def declaration(self) -> Declaration:
@@ -49,8 +46,10 @@ class CollisionFilter:
     barrier  a `Barrier`; or, with `shared=False`, a sequence of them, one per pair (see `PerPair`)
     alpha    h (P,) -> (P,) m/s, extended class K
     mode     "centralised": one QP over all vehicles; "limited": one per vehicle, on its own view
-    margin   what each vehicle's side of a row is raised by (see `row_margins`); None is the paper's filter
+    margin   what each vehicle's part of a row is raised by (see `row_margins`); None is the paper's filter
     solver   "auto" or "osqp" (see `qp.Solver`)
+    also     makers of constraints beside those of the pairs; centralised they see what each vehicle knows of
+             itself, limited what one vehicle sees
     Raises   ValueError for several barriers without `shared=False`, or an unknown mode or solver.
 
     A vehicle whose QP has no solution flies gamma clipped to the limits; without a shared gamma it flies the
@@ -65,103 +64,105 @@ class CollisionFilter:
         shared: bool = True,
         margin: Margin | None = None,
         solver: single.Solver = "auto",
+        also: Sequence[Maker] = (),
     ) -> None:
-        own = tuple(barrier) if isinstance(barrier, Sequence) else getattr(barrier, "barriers", ())
-        if own:
-            if shared:
-                raise ValueError(
-                    f"{len(own)} barriers with a manoeuvre each break the shared-manoeuvre assumption "
-                    "(Squires et al. 2022, Assumption 1): their rows may contradict each other inside the "
-                    "safe set; give one barrier for all pairs, or say shared=False to study just that"
-                )
-            barrier = PerPair(own)
-        elif isinstance(barrier, Sequence):
-            raise ValueError("an empty list of barriers; give one for all pairs, or one per pair")
+        if isinstance(barrier, Sequence):
+            if not barrier:
+                raise ValueError("an empty list of barriers; give one for all pairs, or one per pair")
+            barrier = PerPair(tuple(barrier))
+        if isinstance(barrier, PerPair) and shared:
+            raise ValueError(
+                f"{len(barrier.barriers)} barriers with a manoeuvre each break the shared-manoeuvre"
+                " assumption (Squires et al. 2022, Assumption 1): their rows may contradict each other inside"
+                " the safe set; give one barrier for all pairs, or say shared=False to study just that"
+            )
         if mode not in ("centralised", "limited"):
             raise ValueError(f"mode is 'centralised' or 'limited', not {mode!r}")
-        self.barrier: Barrier = barrier
         single.check_solver(solver)
+        self.barrier: Barrier = barrier
         self.alpha, self.mode, self.margin, self.solver = alpha, mode, margin, solver
+        self.also = tuple(also)
         self._gamma: dict[int, Array | None] = {}
-
-    def rows(self, view: View) -> Rows:
-        """The paper's rows of all pairs, without margin, from what each vehicle knows of itself."""
-        return barrier_rows(self.barrier, self.alpha, view.own().state)
 
     @property
     def declaration(self) -> Declaration:
         """Its barrier, its rows and alpha; it is the paper's filter."""
-        return Declaration(self.barrier, self._constraints, self.alpha, solves_qp=True, paper=True)
+        return Declaration(self.barrier, self.constraints, self.alpha, solves_qp=True, paper=True)
 
-    def _constraints(self, view: View) -> tuple[Constraints, ...]:
-        return (self.rows(view).constraints(),)
+    def constraints(self, view: View) -> tuple[Constraints, ...]:
+        """The rows of all pairs and of `also`, without margin, from what each vehicle knows of itself."""
+        return self._made(view)[1]
 
     def gamma(self, n: int) -> Array | None:
         """The shared evading manoeuvre (N, 3), or None if the barrier has none; read-only."""
         if n not in self._gamma:
-            self._gamma[n] = manoeuvre(self.barrier, n)
+            shared = self.barrier.manoeuvre(n)
+            gamma = None if shared is None else shared.array()
+            if gamma is not None:
+                gamma.flags.writeable = False
+            self._gamma[n] = gamma
         return self._gamma[n]
+
+    def problem(self, view: View, nominal: Command, limits: Limits) -> Problem:
+        """The step's targets and limits, and gamma for vehicles whose QP has no solution."""
+        return Problem(*input_set(view, nominal, limits), self.gamma(len(view.state)), self.solver)
+
+    def shares(
+        self, blocks: Sequence[Constraints], n: int, margin: Margin | None = None
+    ) -> list[tuple[Array, ...]]:
+        """Each vehicle's share of the rows of every block; see `constraints.shares`.
+
+        Raises  ValueError if rows over several vehicles have no manoeuvre.
+        """
+        gamma = self.gamma(n)
+        return [shares(rows, manoeuvres(self.barrier, rows, n, gamma), margin) for rows in blocks]
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
         """The nearest safe commands to `nominal` (N,) inside `limits` () or (N,).
 
-        Raises  ValueError if a nominal command, FloatingPointError if a barrier, is not finite; ValueError in
-                limited mode if the barrier has no manoeuvre.
+        Raises  ValueError if a nominal command, FloatingPointError if a constraint, is not finite; ValueError
+                in limited mode if the barrier has no manoeuvre.
         """
-        target, lower, upper = input_set(view, nominal, limits)
-        rows = self.rows(view)
-        problem = Problem(target, lower, upper, self.barrier, self.solver)
+        problem = self.problem(view, nominal, limits)
+        pairs, blocks = self._made(view)
+        n = len(problem.target)
         if self.mode == "centralised":
-            raised, left = rows.raised(self.margin), rows.left(problem.clipped)
-            if (left >= raised.rhs).all():
-                return _as_wanted(problem, rows, left)
+            raised = [rows.raised(self.margin) for rows in blocks]
+            left = [rows.left(problem.clipped) for rows in blocks]
+            if all((have >= rows.rhs).all() for have, rows in zip(left, raised, strict=True)):
+                return _as_wanted(problem, pairs, left[0])
             u, status, residual = problem.centralised(raised)
         elif view.shared:
-            gamma = self.gamma(len(target))
-            rhs_i, rhs_j = shares(self.barrier, rows, len(target), gamma, self.margin)
-            left_i, left_j = rows.left_of_each(problem.clipped)
-            if (left_i >= rhs_i).all() and (left_j >= rhs_j).all():
-                return _as_wanted(problem, rows, left_i + left_j)
-            u, status, residual = problem.limited(limited_rows(rows, rhs_i, rhs_j))
+            each = self.shares(blocks, n, self.margin)
+            parts = [rows.parts(problem.clipped) for rows in blocks]
+            if all(
+                (have >= rhs).all()
+                for own, due in zip(parts, each, strict=True)
+                for have, rhs in zip(own, due, strict=True)
+            ):
+                return _as_wanted(problem, pairs, parts[0][0] + parts[0][1])
+            u, status, residual = problem.limited(own_rows(blocks, each))
         else:
-            own = observed_rows(self.barrier, self.alpha, view, self.gamma(len(target)))
+            gamma = self.gamma(n)
+            own = observed_rows(self.barrier, self.alpha, view, gamma)
+            if self.also:
+                others = [r for maker in self.also for r in observed_shares(maker, self.barrier, view, gamma)]
+                own = own_rows([own, *others], [(rows.rhs,) for rows in (own, *others)])
             u, status, residual = problem.limited(own.raised(self.margin))
-        return decision(problem, u, status, residual, rows.pairs, rows.left(u))
+        return problem.decision(u, status, residual, pairs, blocks[0].left(u))
+
+    def _made(self, view: View) -> tuple[PairValues, tuple[Constraints, ...]]:
+        """The values of all pairs, and the rows: theirs first, then those of `also`."""
+        own = view.own()
+        pairs = self.barrier.values(own.state)
+        rows = pair_rows(pairs, own.state, self.alpha)
+        if not self.also:
+            return pairs, (rows,)
+        return pairs, (rows, *(block for maker in self.also for block in maker(own)))
 
 
-def _as_wanted(problem: Problem, rows: Rows, hdot: Array) -> Decision:
+def _as_wanted(problem: Problem, pairs: PairValues, hdot: Array) -> Decision:
     """What is wanted, inside the limits, satisfies every row, as it mostly does: the optimum."""
     n = len(problem.target)
     solved = np.full(n, int(Status.SOLVED))
-    return decision(problem, problem.clipped, solved, np.zeros(n), rows.pairs, hdot)
-
-
-def input_set(view: View, nominal: Command, limits: Limits) -> tuple[Array, Array, Array]:
-    """u_hat, lower and upper, all (N, 3).
-
-    Raises ValueError naming the vehicle whose nominal command is not finite, or if counts disagree.
-    """
-    n = len(view.state)
-    target = nominal.array()
-    if target.shape != (n, 3):
-        raise ValueError(f"{n} vehicles need nominal commands of shape ({n},), got {nominal.shape}")
-    if not isfinite(np.vdot(target, target)) and not np.isfinite(target).all():
-        bad = int(np.flatnonzero(~np.isfinite(target).all(-1))[0])
-        raise ValueError(f"the nominal command of vehicle {bad + 1} is not finite: {target[bad]}")
-    lower, upper = limits.corners
-    if lower.shape != target.shape:
-        lower, upper = np.broadcast_to(lower, target.shape), np.broadcast_to(upper, target.shape)
-    return target, lower, upper
-
-
-def decision(
-    problem: Problem,
-    u: Array,
-    status: NDArray[np.int_],
-    residual: Array,
-    pairs: PairValues | None,
-    hdot: Array,
-) -> Decision:
-    """The decision to fly `u` (N, 3), with what that changed; hdot (P,) is L_g h u of `pairs`."""
-    beyond = np.abs(u - problem.clipped).max(-1) if u is not problem.clipped else np.zeros(len(u))
-    return Decision(Command.of(u), status, residual, beyond > OVERRIDE, beyond, pairs, hdot)
+    return problem.decision(problem.clipped, solved, np.zeros(n), pairs, hdot)

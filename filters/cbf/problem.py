@@ -2,30 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
-from filters.barriers.pairs import Barrier
-from filters.cbf.constraints import OwnRows, Rows, least, taken
-from filters.model import Array
+from filters.barriers.pairs import PairValues
+from filters.constraints import Constraints, Indices
+from filters.filter import Decision
+from filters.model import Array, Command, Limits, View
 from filters.qp import single
 from filters.qp.batch import solve_each
 from filters.qp.single import Status
 
-Indices = NDArray[np.intp]
+# Smallest change of a command that counts as the filter's doing [m/s, rad/s, m/s]; QPs are solved to 1e-9.
+OVERRIDE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Targets u_hat and limits, all (N, 3), and the barrier whose gamma to fly if a QP has no solution."""
+    """The targets and limits of one step, and what to fly where a QP has no solution.
+
+    target, lower, upper  (N, 3) u_hat and the limits
+    gamma                 (N, 3) flown, inside the limits, by a vehicle whose QP has no solution; None is the
+                          input with the largest common row margin
+    solver                see `qp.Solver`
+    """
 
     target: Array
     lower: Array
     upper: Array
-    barrier: Barrier | None = None
+    gamma: Array | None = None
     solver: single.Solver = "auto"
 
     @cached_property
@@ -36,102 +46,129 @@ class Problem:
 
     @cached_property
     def evading(self) -> Array | None:
-        """gamma inside the limits (N, 3), if the barrier has one."""
-        gamma = None if self.barrier is None else manoeuvre(self.barrier, len(self.target))
-        return None if gamma is None else np.minimum(np.maximum(gamma, self.lower), self.upper)
+        """gamma inside the limits (N, 3), if there is one."""
+        return None if self.gamma is None else np.minimum(np.maximum(self.gamma, self.lower), self.upper)
 
-    def centralised(self, rows: Rows) -> tuple[Array, NDArray[np.int_], Array]:
-        """Inputs (N, 3), status (N,) and residual (N,) of the QP over all vehicles.
+    def centralised(self, blocks: Sequence[Constraints]) -> tuple[Array, NDArray[np.int_], Array]:
+        """Inputs (N, 3), status (N,) and residual (N,) of the QP over all vehicles and all rows.
 
         Cost and box couple no vehicles, so each group of vehicles joined by rows is a QP of its own: exact.
         """
-        i, j = rows.i, rows.j
         u = self.clipped
         status = np.full(len(u), int(Status.SOLVED))
-        short = rows.rhs - rows.left(u)
-        broken = short > 0
-        if not broken.any():
+        short = [block.rhs - block.left(u) for block in blocks]
+        broken = [s > 0 for s in short]
+        if not any(b.any() for b in broken):
             return u, status, np.zeros(len(u))
         # Rows that no input in the box can violate go. That is exact, and they are the worst scaled ones (a
         # cubic alpha far from the boundary).
-        worst = least(rows.lie_i, taken(self.lower, i), taken(self.upper, i))
-        worst += least(rows.lie_j, taken(self.lower, j), taken(self.upper, j))
-        kept = ~(worst >= rows.rhs)
-        broken &= kept
-        if broken.any():
+        kept = [~(block.least(self.lower, self.upper) >= block.rhs) for block in blocks]
+        broken = [b & k for b, k in zip(broken, kept, strict=True)]
+        if any(b.any() for b in broken):
             u = u.copy()
-            group = _groups(len(u), i[kept], j[kept])
-            for g in np.unique(group[i[broken]]):
-                inside = np.flatnonzero(group == g)
-                use = np.flatnonzero(kept & (group[i] == g))
-                solution = self._joint(rows, inside, use)
+            label = _groups(len(u), blocks, kept)
+            # A row's vehicles are all of one group: its first tells which.
+            group = [label[block.vehicles[0]] for block in blocks]
+            for g in np.unique(np.concatenate([own[b] for own, b in zip(group, broken, strict=True)])):
+                inside = np.flatnonzero(label == g)
+                use = [np.flatnonzero(k & (own == g)) for own, k in zip(group, kept, strict=True)]
+                solution = self._joint(blocks, inside, use)
                 u[inside], status[inside] = solution.u.reshape(-1, 3), int(solution.status)
                 if solution.status != Status.SOLVED:
                     self._evade(u, inside)
-            short = rows.rhs - rows.left(u)
-        return u, status, _worst_of(len(u), (i, short), (j, short))
+            short = [block.rhs - block.left(u) for block in blocks]
+        return u, status, _worst_of(len(u), blocks, short)
 
-    def _joint(self, rows: Rows, vehicles: Indices, use: Indices) -> single.Solution:
+    def _joint(
+        self, blocks: Sequence[Constraints], vehicles: Indices, use: Sequence[Indices]
+    ) -> single.Solution:
         place = np.zeros(len(self.target), dtype=int)
         place[vehicles] = np.arange(vehicles.size)
-        matrix = np.zeros((use.size, vehicles.size, 3))
-        index = np.arange(use.size)
-        matrix[index, place[rows.i[use]]] = rows.lie_i[use]
-        matrix[index, place[rows.j[use]]] = rows.lie_j[use]
+        matrix = np.zeros((sum(rows.size for rows in use), vehicles.size, 3))
+        start = 0
+        for block, rows in zip(blocks, use, strict=True):
+            index = np.arange(start, start + rows.size)
+            for vehicle, lie in zip(block.vehicles, block.lie, strict=True):
+                matrix[index, place[vehicle[rows]]] = lie[rows]
+            start += rows.size
         return single.solve(
             self.target[vehicles].ravel(),
-            matrix.reshape(use.size, -1),
-            rows.rhs[use],
+            matrix.reshape(start, -1),
+            np.concatenate([block.rhs[rows] for block, rows in zip(blocks, use, strict=True)]),
             self.lower[vehicles].ravel(),
             self.upper[vehicles].ravel(),
             self.solver,
         )
 
-    def limited(self, rows: OwnRows) -> tuple[Array, NDArray[np.int_], Array]:
-        """Inputs (N, 3), status (N,) and residual (N,) of one QP per vehicle over its own rows."""
-        vehicle, u = rows.vehicle, self.clipped
+    def limited(self, rows: Constraints) -> tuple[Array, NDArray[np.int_], Array]:
+        """Inputs (N, 3), status (N,) and residual (N,) of one QP per vehicle over its own rows.
+
+        rows  over one vehicle each, see `constraints.own_rows`
+        """
+        (vehicle,), (lie,), u = rows.vehicles, rows.lie, self.clipped
         broken = rows.rhs - rows.left(u) > 0
         if not broken.any():
             return u, np.full(len(u), int(Status.SOLVED)), np.zeros(len(u))
-        kept = ~(least(rows.lie, taken(self.lower, vehicle), taken(self.upper, vehicle)) >= rows.rhs)
+        kept = ~(rows.least(self.lower, self.upper) >= rows.rhs)
         solving = np.zeros(len(u), dtype=bool)
         solving[vehicle[kept & broken]] = True
         use = np.flatnonzero(kept & solving[vehicle])
         box = self.lower, self.upper
         u, status = solve_each(
-            self.target, vehicle[use], rows.lie[use], rows.rhs[use], *box, self.solver, self.evading
+            self.target, vehicle[use], lie[use], rows.rhs[use], *box, self.solver, self.evading
         )
         self._evade(u, np.flatnonzero(status != int(Status.SOLVED)))
-        return u, status, _worst_of(len(u), (vehicle, rows.rhs - rows.left(u)))
+        return u, status, _worst_of(len(u), [rows], [rows.rhs - rows.left(u)])
 
     def _evade(self, u: Array, vehicles: Indices) -> None:
         """Have `vehicles` of u (N, 3) fly gamma, if there is one: their QP has no solution."""
         if vehicles.size and self.evading is not None:
             u[vehicles] = self.evading[vehicles]
 
+    def decision(
+        self,
+        u: Array,
+        status: NDArray[np.int_],
+        residual: Array,
+        pairs: PairValues | None,
+        hdot: Array,
+    ) -> Decision:
+        """The decision to fly `u` (N, 3), with what that changed; hdot (P,) is L_g h u of `pairs`."""
+        beyond = np.abs(u - self.clipped).max(-1) if u is not self.clipped else np.zeros(len(u))
+        return Decision(Command.of(u), status, residual, beyond > OVERRIDE, beyond, pairs, hdot)
 
-def manoeuvre(barrier: Barrier, n: int) -> Array | None:
-    """gamma (N, 3), read-only, or None for a barrier without one."""
-    try:
-        gamma = barrier.manoeuvre(n).array()
-    except ValueError:
-        return None
-    gamma.flags.writeable = False
-    return gamma
+
+def input_set(view: View, nominal: Command, limits: Limits) -> tuple[Array, Array, Array]:
+    """u_hat, lower and upper, all (N, 3).
+
+    Raises ValueError naming the vehicle whose nominal command is not finite, or if counts disagree.
+    """
+    n = len(view.state)
+    target = nominal.array()
+    if target.shape != (n, 3):
+        raise ValueError(f"{n} vehicles need nominal commands of shape ({n},), got {nominal.shape}")
+    if not isfinite(np.vdot(target, target)) and not np.isfinite(target).all():
+        bad = int(np.flatnonzero(~np.isfinite(target).all(-1))[0])
+        raise ValueError(f"the nominal command of vehicle {bad + 1} is not finite: {target[bad]}")
+    lower, upper = limits.corners
+    if lower.shape != target.shape:
+        lower, upper = np.broadcast_to(lower, target.shape), np.broadcast_to(upper, target.shape)
+    return target, lower, upper
 
 
-def _worst_of(n: int, *shortfalls: tuple[NDArray[np.intp], Array]) -> Array:
+def _worst_of(n: int, blocks: Sequence[Constraints], shortfalls: Sequence[Array]) -> Array:
     """The largest positive shortfall (N,) of the rows each vehicle appears in."""
     worst = np.zeros(n)
-    for vehicle, short in shortfalls:
+    for block, short in zip(blocks, shortfalls, strict=True):
         positive = short > 0
         if positive.any():
-            np.maximum.at(worst, vehicle[positive], short[positive])
+            for vehicle in block.vehicles:
+                np.maximum.at(worst, vehicle[positive], short[positive])
     return worst
 
 
-def _groups(n: int, i: Indices, j: Indices) -> NDArray[np.int_]:
-    """A label (N,) per vehicle, equal where rows between i and j (R,) join vehicles."""
+def _groups(n: int, blocks: Sequence[Constraints], kept: Sequence[NDArray[np.bool_]]) -> NDArray[np.int_]:
+    """A label (N,) per vehicle, equal where kept rows join vehicles."""
     # Two parents and a loop: scipy's connected components take as long as 500 rows do here.
     parent = list(range(n))
 
@@ -140,7 +177,10 @@ def _groups(n: int, i: Indices, j: Indices) -> NDArray[np.int_]:
             parent[v] = v = parent[parent[v]]
         return v
 
-    for a, b in zip(i.tolist(), j.tolist(), strict=True):
-        a, b = root(a), root(b)
-        parent[max(a, b)] = min(a, b)
+    for block, keep in zip(blocks, kept, strict=True):
+        first = block.vehicles[0][keep].tolist()
+        for other in block.vehicles[1:]:
+            for a, b in zip(first, other[keep].tolist(), strict=True):
+                a, b = root(a), root(b)
+                parent[max(a, b)] = min(a, b)
     return np.array([root(v) for v in range(n)])

@@ -1,14 +1,17 @@
-"""Checks the paper's claims about the QPs while a filter flies: are the premises met, do they hold?"""
+"""Checks the theorems' premises and conclusions about the QPs at every step that a filter flies."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from filters.cbf.collision import CollisionFilter, Problem, input_set
-from filters.cbf.constraints import OwnRows, Rows, limited_rows, shares
+from filters.cbf.collision import CollisionFilter
+from filters.cbf.constraints import own_rows
+from filters.cbf.problem import Problem
+from filters.constraints import Constraints
 from filters.filter import Check, Decision, Declaration, MonitorRecord
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
@@ -40,7 +43,7 @@ class Monitor:
     """A CollisionFilter that also keeps a record of the theorems' premises and conclusions.
 
     filter    the filter to fly; its decisions pass unchanged
-    boundary  |h| below which a pair is at the boundary of the safe set, in h's unit
+    boundary  |h| below which a row is at the boundary of the safe set, in h's unit
     Both QPs are solved at every step on what each vehicle knows of itself, so it costs about three
     filters.
     Claims: Squires et al. 2022, Theorem 3 (gamma satisfies every row; positive inner products), Theorem 4
@@ -53,9 +56,9 @@ class Monitor:
         self.record = MonitorRecord(checks=theorem_checks())
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
+        """The filter's decision; the checks of the step go into the record."""
         decision = self.filter(view, nominal, limits)
-        problem = Problem(*input_set(view, nominal, limits), self.filter.barrier, self.filter.solver)
-        self._watch(self.filter.rows(view), problem)
+        self._watch(self.filter.constraints(view), self.filter.problem(view, nominal, limits))
         self.record.steps += 1
         return decision
 
@@ -64,50 +67,55 @@ class Monitor:
         """That of the filter it watches, with the record."""
         return replace(self.filter.declaration, record=self.record)
 
-    def _watch(self, rows: Rows, problem: Problem) -> None:
+    def _watch(self, blocks: tuple[Constraints, ...], problem: Problem) -> None:
         step, see = self.record.steps, self.record.checks
-        h, i, j = rows.pairs.h, rows.i, rows.j
-        size = np.sqrt(np.sum(rows.lie_i**2, axis=-1) + np.sum(rows.lie_j**2, axis=-1))
-        edge = np.abs(h) <= self.boundary
-        see["gradient"].see(step, size[edge], i[edge], j[edge])
-        inside = bool(np.all(h >= 0))
-        u, status, _ = problem.centralised(rows)
+        sizes = [np.sqrt(sum(np.sum(lie**2, axis=-1) for lie in rows.lie)) for rows in blocks]
+        for rows, size in zip(blocks, sizes, strict=True):
+            edge = np.abs(rows.h) <= self.boundary
+            see["gradient"].see(step, size[edge], *(v[edge] for v in rows.vehicles))
+        inside = all(bool(np.all(rows.h >= 0)) for rows in blocks)
+        u, status, _ = problem.centralised(blocks)
         solved = bool(np.all(status == Status.SOLVED))
         if inside:
             see["solvable"].see(step, np.array([float(solved)]))
         if solved:
-            active = np.flatnonzero(np.abs(rows.left(u) - rows.rhs) <= ACTIVE * size)
-            _see_cosines(see["aligned"], step, rows, active)
+            active = [
+                np.flatnonzero(np.abs(rows.left(u) - rows.rhs) <= ACTIVE * size)
+                for rows, size in zip(blocks, sizes, strict=True)
+            ]
+            _see_cosines(see["aligned"], step, blocks, active, len(u))
         try:
-            own = limited_rows(rows, *shares(self.filter.barrier, rows, len(u), self.filter.gamma(len(u))))
+            own = own_rows(blocks, self.filter.shares(blocks, len(u)))
         except ValueError:  # no manoeuvre: neither limited communication nor gamma exists
             return
-        self._watch_limited(rows, own, problem, inside, u if solved else None)
+        self._watch_limited(blocks, own, problem, inside, u if solved else None)
 
     def _watch_limited(
-        self, rows: Rows, own: OwnRows, problem: Problem, inside: bool, u: Array | None
+        self,
+        blocks: tuple[Constraints, ...],
+        own: Constraints,
+        problem: Problem,
+        inside: bool,
+        u: Array | None,
     ) -> None:
-        step, see = self.record.steps, self.record.checks
-        i, j, n = rows.i, rows.j, len(problem.target)
+        step, see, n = self.record.steps, self.record.checks, len(problem.target)
         v, status, _ = problem.limited(own)
         solved = status == Status.SOLVED
         if inside:
             see["solvable_limited"].see(step, solved.astype(float), np.arange(n))
-        both = solved[i] & solved[j]
-        see["limited_is_safe"].see(step, (rows.left(v) - rows.rhs)[both], i[both], j[both])
-        gamma = self.filter.gamma(n)
+        gamma, (vehicle,), (lie,) = self.filter.gamma(n), own.vehicles, own.lie
+        for rows in blocks:
+            all_solved = np.logical_and.reduce([solved[who] for who in rows.vehicles])
+            _see_slack(see["limited_is_safe"], step, rows, v, all_solved)
+            if gamma is not None:
+                _see_slack(see["gamma_is_safe"], step, rows, gamma, rows.h >= 0)
         if gamma is not None:
-            safe = rows.pairs.h >= 0
-            see["gamma_is_safe"].see(step, (rows.left(gamma) - rows.rhs)[safe], i[safe], j[safe])
-            twice = np.concatenate([safe, safe])
-            slack = own.left(gamma) - own.rhs
-            see["gamma_is_safe_limited"].see(step, slack[twice], own.vehicle[twice])
+            _see_slack(see["gamma_is_safe_limited"], step, own, gamma, own.h >= 0)
         slack = np.abs(own.left(v) - own.rhs)
-        active = (slack <= ACTIVE * np.linalg.norm(own.lie, axis=-1)) & solved[own.vehicle]
-        for vehicle in np.unique(own.vehicle[active]):
-            lie = own.lie[active & (own.vehicle == vehicle)]
-            cosines = _cosines(lie)
-            see["aligned_limited"].see(step, cosines, np.full(cosines.size, vehicle))
+        active = (slack <= ACTIVE * np.linalg.norm(lie, axis=-1)) & solved[vehicle]
+        for who in np.unique(vehicle[active]):
+            found = cosines(lie[active & (vehicle == who)])
+            see["aligned_limited"].see(step, found, np.full(found.size, who))
         if u is not None and solved.all():
             cost, cost_limited = (float(np.sum((w - problem.target) ** 2)) for w in (u, v))
             self.record.compared += 1
@@ -116,20 +124,28 @@ class Monitor:
             see["cheaper"].see(step, np.array([(cost_limited - cost) / max(1.0, cost)]))
 
 
-def _see_cosines(check: Check, step: int, rows: Rows, active: NDArray[np.intp]) -> None:
-    """Look at the inner products of all pairs of active rows; the vehicles named are i1, j1, i2, j2."""
-    n = int(rows.j.max(initial=0)) + 1
-    matrix = np.zeros((active.size, n, 3))
-    r = np.arange(active.size)
-    matrix[r, rows.i[active]], matrix[r, rows.j[active]] = rows.lie_i[active], rows.lie_j[active]
-    a, b = np.triu_indices(active.size, 1)
-    one, two = active[a], active[b]
-    check.see(
-        step, _cosines(matrix.reshape(active.size, 3 * n)), rows.i[one], rows.j[one], rows.i[two], rows.j[two]
-    )
+def _see_slack(check: Check, step: int, rows: Constraints, u: Array, which: NDArray[np.bool_]) -> None:
+    """Look at by how much inputs u (N, 3) satisfy `which` (R,) of the rows."""
+    check.see(step, (rows.left(u) - rows.rhs)[which], *(v[which] for v in rows.vehicles))
 
 
-def _cosines(vectors: Array) -> Array:
+def _see_cosines(
+    check: Check, step: int, blocks: tuple[Constraints, ...], active: Sequence[NDArray[np.intp]], n: int
+) -> None:
+    """Look at the inner products of all pairs of active rows, naming one row's vehicles, then the other's."""
+    count, widest = sum(rows.size for rows in active), max(len(rows.vehicles) for rows in blocks)
+    matrix, names = np.zeros((count, n, 3)), np.full((count, widest), -1)
+    start = 0
+    for rows, index in zip(blocks, active, strict=True):
+        r = np.arange(start, start + index.size)
+        for side, (vehicle, lie) in enumerate(zip(rows.vehicles, rows.lie, strict=True)):
+            matrix[r, vehicle[index]], names[r, side] = lie[index], vehicle[index]
+        start += index.size
+    a, b = np.triu_indices(count, 1)
+    check.see(step, cosines(matrix.reshape(count, 3 * n)), *names[a].T, *names[b].T)
+
+
+def cosines(vectors: Array) -> Array:
     """Cosines between all pairs a < b of `vectors` (R, n)."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     unit = vectors / np.where(length > 0, length, 1.0)

@@ -288,5 +288,5 @@ def _nearest(
             x = exact
         violated = (h - G @ x > 1e-11 * scale) & ~working
         if not violated.any():
-            return np.clip(t + x, lo, hi)
+            return np.asarray(np.clip(t + x, lo, hi))
         working |= violated

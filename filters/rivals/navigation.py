@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from filters.cbf.collision import Problem, decision, input_set
+from filters.cbf.problem import Problem, input_set
 from filters.filter import Decision, Declaration
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
@@ -89,7 +89,7 @@ class NavigationFilter:
         omega = np.where(downhill == 0, 0.0, self.gain * error)
         wanted = np.stack([np.full(n, self.speed), omega, problem.target[:, 2]], axis=-1)
         u = np.minimum(np.maximum(wanted, problem.lower), problem.upper)
-        return decision(problem, u, np.full(n, int(Status.NONE)), np.zeros(n), None, np.zeros(0))
+        return problem.decision(u, np.full(n, int(Status.NONE)), np.zeros(n), None, np.zeros(0))
 
     @property
     def declaration(self) -> Declaration:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from filters.cbf.collision import Problem, decision, input_set
+from filters.cbf.problem import Problem, input_set
 from filters.filter import Choose, Decision, Declaration, declaration
 from filters.model import Array, Command, Limits, State, View
 
@@ -59,8 +59,7 @@ class AirMass:
 
         c = chosen.command
         ground = np.stack([np.hypot(c.v + drift.real, drift.imag), c.omega / _ratio(c.v, drift), c.zeta], -1)
-        return decision(
-            Problem(target, low, high),
+        return Problem(target, low, high).decision(
             np.clip(ground, low, high),
             chosen.status,
             chosen.residual,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from aircraft.airframes.schema import Airframe
-from filters.barriers.closed_form import Barrier
+from filters.barriers.pairs import Barrier
 from testbed.scenario.scenario import Scenario
 
 
@@ -17,12 +17,12 @@ def unflyable(s: Scenario, barrier: Barrier, airframes: Sequence[Airframe]) -> l
     In steady wind the airspeed of a turn at constant ground speed swings by the wind speed to either side,
     and the airframe must trim at both ends. Kinematic plants can fly every input in U.
     """
-    if s.plant != "jsbsim" or not s.barrier.shared:
+    gamma = barrier.manoeuvre(s.vehicles)
+    if s.plant != "jsbsim" or gamma is None:
         return []
     from aircraft.jsbsim.errors import FdmError
     from aircraft.jsbsim.trim import trim
 
-    gamma = barrier.manoeuvre(s.vehicles)
     reasons, known = [], {}
     for vehicle, airframe in enumerate(airframes):
         v, omega, zeta = (float(c[vehicle]) for c in (gamma.v, gamma.omega, gamma.zeta))

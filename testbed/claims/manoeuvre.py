@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from aircraft.plant import Plant
-from filters.barriers.closed_form import Barrier
-from filters.model import Array, Limits, State
+from filters.barriers.pairs import Barrier
+from filters.model import Array, Command, Limits, State
 from testbed.claims.guarantees import H_TOLERANCE_M
 from testbed.claims.judging import decide, premise_not_met
 from testbed.claims.registry import MANOEUVRE_KEEPS_DS
@@ -66,7 +66,8 @@ def fly(
     v = MANOEUVRE_KEEPS_DS.unjudged(s.barrier.form, s.goal_radius_m)
     if not i.size:
         return v.but(why="no pair")
-    if not s.barrier.shared or s.barrier.kind == "euclidean":
+    gamma = barrier.manoeuvre(s.vehicles)
+    if gamma is None or s.barrier.kind == "euclidean":
         return v.but(why="the barrier has no one manoeuvre")
     dt = s.rates.filter_dt_s
     rows: dict[int, dict[str, Any]] = {}
@@ -77,7 +78,7 @@ def fly(
             break
         plant = branch(step * dt)
         h = barrier.values(plant.state()).h
-        least, fault = _least_distance(s, plant, wind, barrier, limits, step * dt, i, j)
+        least, fault = _least_distance(plant, wind, limits.clip(gamma), step * dt, i, j)
         rows[step] = _row(s, step * dt, h, least, i, j) | {"fault": fault}
     branches = [rows[step] for step in sorted(rows)]
     v = v.but(detail={"branches": branches})
@@ -122,22 +123,18 @@ def _between(rows: dict[int, dict[str, Any]]) -> int | None:
 
 
 def _least_distance(
-    s: Scenario,
     plant: Plant,
     wind: Callable[[float, State], Array],
-    barrier: Barrier,
-    limits: Limits,
+    gamma: Command,
     t: float,
     i: np.ndarray,
     j: np.ndarray,
 ) -> tuple[Array, str]:
     """Least distance of each pair (P,) m while all fly gamma for its period, and what ended it early."""
-    gamma = limits.clip(barrier.manoeuvre(s.vehicles))
     turning = np.abs(gamma.omega) > 1e-9
     horizon = float(2 * np.pi / np.abs(gamma.omega[turning]).min()) if turning.any() else STRAIGHT_HORIZON_S
     n = max(1, round(PERIOD_S / plant.dt))
-    now = plant.state()
-    position = np.stack([now.x, now.y, now.z], axis=-1)
+    position = plant.state().position
     least = np.linalg.norm(position[i] - position[j], axis=-1)
     for k in range(int(np.ceil(horizon / (n * plant.dt)))):
         track = plant.step(gamma, wind(t + k * n * plant.dt, plant.state()), n)

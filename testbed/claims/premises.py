@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from filters.barriers.closed_form import Barrier, TurnBarrier
-from filters.model import Command, Limits
+from filters.barriers.closed_form import TurnBarrier
+from filters.barriers.pairs import Barrier
+from filters.model import Limits
 from testbed.claims import registry
 from testbed.claims.guarantees import QP_FILTERS, Flown
 from testbed.claims.judging import at_pair, decide_premise
@@ -40,7 +41,7 @@ def _shared(f: Flown, v: Verdict) -> Verdict:
 
 
 def _inside(f: Flown, barrier: Barrier, limits: Limits, v: Verdict) -> Verdict:
-    gamma = _gamma(barrier, f.scenario.vehicles)
+    gamma = barrier.manoeuvre(f.scenario.vehicles)
     if gamma is None:
         return decide_premise(v, False, "there is no one manoeuvre")
     c, low, high = gamma.array(), limits.lower.array(), limits.upper.array()
@@ -75,10 +76,3 @@ def _kink(f: Flown, barrier: Barrier, v: Verdict) -> Verdict:
         return v.but(why="no row ever bound")
     holds = v.value >= 1.0
     return decide_premise(v, holds, "" if holds else "one filter step can cross it")
-
-
-def _gamma(barrier: Barrier, n: int) -> Command | None:
-    try:
-        return barrier.manoeuvre(n)
-    except (AttributeError, ValueError):
-        return None

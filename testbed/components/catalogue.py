@@ -15,15 +15,11 @@ import numpy as np
 from aircraft.kinematic import Lag
 from aircraft.plant import Plant
 from filters.barriers.class_k import OddPolynomial, cubic, linear
-from filters.barriers.closed_form import (
-    Barrier,
-    EuclideanBarrier,
-    ForwardDifference,
-    StraightBarrier,
-    TurnBarrier,
-)
+from filters.barriers.closed_form import StraightBarrier, TurnBarrier
+from filters.barriers.euclidean import EuclideanBarrier
+from filters.barriers.pairs import Barrier, ForwardDifference
+from filters.barriers.per_pair import PerPair
 from filters.cbf.collision import CollisionFilter, Passthrough
-from filters.cbf.constraints import PerPair
 from filters.cbf.theorem_monitor import Monitor
 from filters.filter import Filter
 from filters.model import Array, Command, Limits
@@ -133,7 +129,7 @@ def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
     start, _ = places(s, generators(s.seed)["start"])
     return NavigationFilter(
         goal,
-        np.stack([start.x, start.y], axis=-1),
+        start.position,
         speed=p.speed_mps,
         gain=p.heading_gain_per_s,
         path_radius=p.path_radius_m,
@@ -168,9 +164,18 @@ def filter_(s: Scenario, b: Barrier, goal: Array) -> Filter:
     return remedies.wrap(s, FILTERS[s.filter.kind](s, own, goal), own, lags)
 
 
+def _fly_manoeuvre(s: Scenario, b: Barrier) -> Guidance:
+    gamma = b.manoeuvre(s.vehicles)
+    if gamma is None:
+        raise UserError(
+            'nominal.controller: "manoeuvre" needs one evading manoeuvre; this barrier has one per pair'
+        )
+    return Constant(gamma)
+
+
 NOMINALS: dict[str, Callable[[Scenario, Array, Barrier], Guidance]] = {
     "near-identity": lambda s, goal, b: NearIdentity(goal, s.nominal.lookahead_m, s.nominal.gain_per_s),
-    "manoeuvre": lambda s, goal, b: Constant(b.manoeuvre(s.vehicles)),
+    "manoeuvre": lambda s, goal, b: _fly_manoeuvre(s, b),
 }
 
 

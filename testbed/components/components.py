@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from aircraft.plant import Plant
-from filters.barriers.closed_form import Barrier
+from filters.barriers.pairs import Barrier
 from filters.filter import Choose
 from filters.model import Array
 from testbed.components import catalogue

@@ -10,7 +10,7 @@ import numpy as np
 
 from aircraft.airframes.schema import Airframe, Channel
 from aircraft.kinematic import Lag
-from filters.barriers.closed_form import Barrier
+from filters.barriers.pairs import Barrier
 from filters.constraints import Margin
 from filters.filter import Filter
 from filters.wrappers.air_mass import AirMass
@@ -64,7 +64,10 @@ def wrap(
     """
     r = s.remedy
     if r.predict_lags:
-        made = Predicted(made, LaggedPose(lags(s), own.manoeuvre(s.vehicles)))
+        gamma = own.manoeuvre(s.vehicles)
+        if gamma is None:
+            raise UserError("remedy.predict_lags: the barrier has no one evading manoeuvre; use prediction_s")
+        made = Predicted(made, LaggedPose(lags(s), gamma))
     elif r.prediction_s:
         made = Predicted(made, Horizon(r.prediction_s))
     if r.air_mass:

@@ -37,7 +37,7 @@ class Air:
             return None
         air = np.zeros((len(state), 3)) if self._steady is None else self._steady(state.z)
         if self._field is not None:
-            air = air + self._field(t, np.stack([state.x, state.y, state.z], axis=-1))
+            air = air + self._field(t, state.position)
         return air
 
 

@@ -102,4 +102,4 @@ class Network:
 def _carried(values: Array, age: Array | float) -> Array:
     """The values after flying on along the arcs of their rates for `age` s."""
     view = unpack(values)
-    return pack(View(step(view.state, view.rates, age), view.rates))  # type: ignore[arg-type]
+    return pack(View(step(view.state, view.rates, age), view.rates))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from filters.barriers.closed_form import all_pairs
+from filters.barriers.pairs import all_pairs
 from filters.model import Array, Limits
 from filters.qp.single import Status
 from testbed.measures.near_misses import NearMisses

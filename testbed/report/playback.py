@@ -143,4 +143,7 @@ def gamma(scenario: Mapping[str, Any]) -> dict[str, Any]:
     if s.barrier.pairs:
         each = {f"{p.i}-{p.j}": [p.v_mps, np.radians(p.omega_degps), 0.0] for p in s.barrier.pairs}
         return {"kind": "pairs", "pairs": each}
-    return {"kind": s.barrier.kind, "vehicles": catalogue.barrier(s).manoeuvre(s.vehicles).array().tolist()}
+    shared = catalogue.barrier(s).manoeuvre(s.vehicles)
+    if shared is None:
+        return {"kind": "none"}
+    return {"kind": s.barrier.kind, "vehicles": shared.array().tolist()}

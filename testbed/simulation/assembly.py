@@ -10,7 +10,7 @@ import numpy as np
 from aircraft.airframes.schema import Airframe
 from aircraft.plant import Plant
 from aircraft.replay import Replay
-from filters.barriers.closed_form import Barrier, all_pairs
+from filters.barriers.pairs import Barrier, all_pairs
 from filters.filter import Choose, declaration
 from filters.model import Array, Limits, State
 from testbed.claims.guarantees import H_TOLERANCE_M
@@ -105,16 +105,11 @@ def put_together(setting: Setting, parts: Parts) -> Assembled:
     return Assembled(environment, plant, filter_, guidance, air, replay, aircraft, valued)
 
 
-def position(state: State) -> Array:
-    """Positions (N, 3) m, east, north and up."""
-    return np.stack([state.x, state.y, state.z], axis=-1)
-
-
 def _check_start(barrier: Barrier, start: State, i: np.ndarray, j: np.ndarray, force: bool) -> bool:
     """Whether h >= 0 for every pair; refused without `force`, and two vehicles at one place always."""
     if not i.size:
         return True
-    place = position(start)
+    place = start.position
     distance = np.linalg.norm(place[i] - place[j], axis=-1)
     p = int(np.argmin(distance))
     if distance[p] == 0.0:

@@ -20,7 +20,7 @@ from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.solo_time import solo_time
 from testbed.records.run import Run
 from testbed.scenario.scenario import SCHEMA_VERSION, Scenario
-from testbed.simulation.assembly import Assembled, Setting, position
+from testbed.simulation.assembly import Assembled, Setting
 
 
 def judge(
@@ -32,7 +32,7 @@ def judge(
     end  why the run ended before its time, or None
     """
     s, barrier, limits = setting.scenario, setting.barrier, setting.limits
-    start = position(setting.start)
+    start = setting.start.position
     straight = np.linalg.norm(setting.goal - start, axis=-1)
     alone = solo_time(made.guidance, limits, start, setting.goal, s.goal_radius_m)
     flown = guarantees.Flown(s, statistics, setting.i, setting.j, setting.started_safe, end, straight, alone)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from filters.barriers.class_k import OddPolynomial
-from filters.barriers.closed_form import Barrier, TurnBarrier
+from filters.barriers.closed_form import TurnBarrier
+from filters.barriers.pairs import Barrier
 from filters.constraints import dot
 from filters.model import Array, Command, Limits, State
 from filters.qp.single import Status

@@ -20,7 +20,7 @@ from testbed.records.run import MemorySink, RowWriter, Run, Sink
 from testbed.scenario import capacity
 from testbed.scenario.scenario import Scenario
 from testbed.simulation import termination
-from testbed.simulation.assembly import Assembled, Setting, position, put_together, set_up
+from testbed.simulation.assembly import Assembled, Setting, put_together, set_up
 from testbed.simulation.judgement import judge
 from testbed.simulation.recorder import Recorder
 from testbed.simulation.step_buffer import StepBuffer
@@ -100,7 +100,7 @@ class Session:
         made = self._made = put_together(setting, self._parts)
         near_misses = NearMisses(setting.i.size, s.d_safe_m) if made.replay else None
         self._statistics = RunStatistics(s.vehicles, Saturation(made.aircraft), near_misses)
-        self._statistics.start(position(setting.start), setting.goal, s.goal_radius_m)
+        self._statistics.start(setting.start.position, setting.goal, s.goal_radius_m)
         self._memory = MemorySink() if self._sink is None else None
         self._rows = RowWriter(self._sink or self._memory)  # type: ignore[arg-type]
         self._buffer = StepBuffer(s.vehicles, s.rates.fdm_steps)

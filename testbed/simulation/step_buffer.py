@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from filters.barriers.closed_form import Barrier, PairValues, all_pairs
+from filters.barriers.pairs import Barrier, PairValues, all_pairs
 from filters.filter import Decision
 from filters.model import Array, Command, State
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.clock import BareStep, clock, least
-from filters.barriers.closed_form import ForwardDifference
+from filters.barriers.pairs import ForwardDifference
 from filters.cbf.collision import CollisionFilter
-from filters.cbf.constraints import barrier_rows
+from filters.cbf.constraints import pair_rows
 from filters.model import Array, Command, Limits, View, step
 from filters.qp.single import Status
 from testbed.components import catalogue
@@ -104,11 +104,12 @@ def _fresh(barrier: ForwardDifference, filter_: CollisionFilter, m: Moment, vehi
     n = len(m.view.state)
     others = np.delete(np.arange(n), vehicle)
     i, j = np.minimum(others, vehicle), np.maximum(others, vehicle)
-    rows = barrier_rows(barrier, filter_.alpha, m.view.state, i, j)
+    rows = pair_rows(barrier.values(m.view.state, i, j), m.view.state, filter_.alpha)
     gamma = filter_.gamma(n)
     assert gamma is not None
     first = (i == vehicle)[:, None]
-    own, other = np.where(first, rows.lie_i, rows.lie_j), np.where(first, rows.lie_j, rows.lie_i)
+    lie_i, lie_j = rows.lie
+    own, other = np.where(first, lie_i, lie_j), np.where(first, lie_j, lie_i)
     rhs = 0.5 * rows.rhs + 0.5 * (own @ gamma[vehicle] - np.einsum("rk,rk->r", other, gamma[others]))
     low, high = (corner[vehicle] for corner in m.limits.corners)
     target = m.nominal.array()[vehicle]

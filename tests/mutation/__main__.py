@@ -38,7 +38,8 @@ FILES = [
     *(f"filters/{name}.py" for name in (
         "model", "barriers/class_k", "barriers/range_functions", "barriers/global_minimum", "barriers/pairs",
         "barriers/rollout", "wrappers/row_margins", "wrappers/air_mass", "wrappers/pose_prediction",
-        "cbf/problem", "cbf/theorem_monitor", "qp/single", "qp/batch", "qp/active_set", "qp/infeasibility",
+        "constraints", "filter", "barriers/euclidean", "barriers/per_pair", "cbf/problem",
+        "cbf/theorem_monitor", "qp/single", "qp/batch", "qp/active_set", "qp/infeasibility",
         "rivals/navigation",
     )),
     *(f"testbed/claims/{name}.py" for name in ("guarantees", "verdict", "premises")),

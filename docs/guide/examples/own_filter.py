@@ -20,7 +20,7 @@ class TurnAway:
 
     def __call__(self, view, nominal, limits):
         seen = view.own().state
-        place = np.stack([seen.x, seen.y, seen.z], axis=-1)
+        place = seen.position
         distance = np.linalg.norm(place[:, None] - place, axis=-1) + np.diag(np.full(len(place), np.inf))
         near = distance.min(axis=1) < NEAR_M
         wanted = np.clip(nominal.array(), limits.lower.array(), limits.upper.array())

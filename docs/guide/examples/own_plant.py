@@ -29,7 +29,7 @@ class Banked:
             self.bank = self.bank + (wanted - self.bank) * self.dt / LAG_S
             self.rates = Command(command.v, G_MPS2 * np.tan(self.bank) / command.v, command.zeta)
             self.now = step(self.now, self.rates, self.dt)
-            track[k] = np.stack([self.now.x, self.now.y, self.now.z], axis=-1)
+            track[k] = self.now.position
         return track
 
     def state(self):
