@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,9 @@ import pytest
 from aircraft.kinematic import KinematicFleet
 from filters.model import Command
 from testbed.campaigns.engine import Notebook, notebook
-from testbed.components import catalogue
+from testbed.components.components import Parts
 from testbed.scenario.scenario import Scenario, load, parse
-from testbed.studies.common.measure import Job, default_starts, override
+from testbed.studies.common.measure import Job, default_starts, measure, override
 from testbed.studies.ladder.ladder import (
     Rung,
     account,
@@ -75,8 +76,8 @@ class Lagging(KinematicFleet):
         return track
 
 
-def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s: Lagging(s))
+def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for() -> None:
+    lagging = partial(measure, parts=Parts(plant=lambda s, wind: Lagging(s)))
     beside = ", ".join(f"{{x_m=0, y_m={y}, course_deg=0, goal_x_m=300, goal_y_m={y}}}" for y in (0, 10))
     table_ = [
         "plant=lagged",
@@ -91,7 +92,7 @@ def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for(monkeypatch
         Rung("a", (("lags.v_delay_s", 0.5),), "ideal"),
         Rung("b", (("lags.omega_delay_s", 0.25),), "ideal"),
     ]
-    found = account(climb(s, ladder, 2, Notebook(), workers=1), ladder, "distance_m")
+    found = account(climb(s, ladder, 2, Notebook(), workers=1, work=lagging), ladder, "distance_m")
     assert found.steps[0].value == pytest.approx(10.0)
     assert found.steps[1].difference.value == pytest.approx(-0.5)
     assert found.steps[2].alone.value == pytest.approx(-0.5)

@@ -18,6 +18,7 @@ import pytest
 from aircraft.kinematic import KinematicFleet
 from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
+from testbed.components.components import Parts
 from testbed.errors import UserError
 from testbed.records.run import Run
 from testbed.records.store import load as load_run
@@ -203,12 +204,10 @@ class Falling(KinematicFleet):
         return ["", "ground" if self.steps * self.dt >= 0.2 else ""]
 
 
-def test_a_run_that_ended_early_says_so_and_keeps_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_ended_early_says_so_and_keeps_nothing(tmp_path: Path) -> None:
     scenarios = {p: load("paper-2-turn", [*SHORT, f"plant={p}"]) for p in ("unicycle", "lagged")}
-    monkeypatch.setitem(catalogue.PLANTS, "lagged", lambda s: Falling(s.vehicles, s.rates.fdm_dt_s))
-    compare(scenarios, tmp_path / "r")
+    falling = Parts(plant=lambda s, wind: Falling(s.vehicles, s.rates.fdm_dt_s))
+    compare(scenarios, tmp_path / "r", parts={"lagged": falling})
     found = seen(tmp_path / "r")
     why = "vehicle 2: ground at 0.200 s; run stopped"
     assert "Separation not shown on lagged; kept on unicycle" in found.words

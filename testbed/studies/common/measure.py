@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from testbed.claims.registry import GOAL, INTERVENTION, QP_FEASIBILITY, SAFE_SET, SEPARATION, START_SAFE
+from testbed.components.components import Parts
 from testbed.scenario.scenario import Scenario
 
 Fields = dict[str, Any]
@@ -22,15 +23,18 @@ class Job:
     seed: int
 
 
-def measure(job: Job) -> dict[str, Any]:
-    """Fly `job`; what the ladder compares. A run that cannot start has nan values and says why."""
+def measure(job: Job, parts: Parts | None = None) -> dict[str, Any]:
+    """Fly `job`, with components of one's own or the scenario's; what the ladder compares.
+
+    A run that cannot start has nan values and says why.
+    """
     from testbed.errors import UserError
     from testbed.scenario.scenario import parse
     from testbed.simulation.simulate import run
 
     data = json.loads(job.data) | {"seed": job.seed}
     try:
-        done = run(parse(data), force=True)
+        done = run(parse(data), force=True, parts=parts)
     except UserError as error:
         return {"rung": job.label, "seed": job.seed, "refused": str(error)}
     row = {

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from testbed.campaigns.simulated_time import Progress
+from testbed.components.components import Parts
 from testbed.records.checksums import plain
 from testbed.records.run import Run
 from testbed.records.store import load, staged, write_json
@@ -40,18 +42,21 @@ def compare(
     overwrite: bool = False,
     progress: Progress | None = None,
     report: bool = True,
+    parts: Mapping[str, Parts] | None = None,
 ) -> Comparison:
     """Fly each scenario into its own run folder below `out`, and draw them together.
 
     scenarios  label, usually the plant -> scenario
     report     write report.html too
+    parts      label -> components of your own for that run; the scenario's where there is no entry
     Raises     UserError as `simulate.run` does, before anything is flown where that can be known
     """
     from testbed.report import figures, page
 
     with staged(out, overwrite) as folder:
         for name, s in scenarios.items():
-            run(s, folder / name, force=force, progress=progress.track(name) if progress else None)
+            track = progress.track(name) if progress else None
+            run(s, folder / name, force=force, progress=track, parts=(parts or {}).get(name))
         runs = {name: load(folder / name) for name in scenarios}
         drawn = figures.compare(runs, folder / "figures")
         write_json(folder / "comparison.json", {name: r.guarantees for name, r in runs.items()})
