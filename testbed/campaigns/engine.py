@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from testbed.campaigns.executor import executor
 from testbed.campaigns.folder import append
-from testbed.records.store import plain
+from testbed.records.checksums import plain
 
 J = TypeVar("J")
 R = TypeVar("R")

@@ -1,4 +1,4 @@
-"""Can these vehicles fly the evading manoeuvre for ever, in this wind?"""
+"""Finds out whether the vehicles can fly the evading manoeuvre steadily, in the scenario's wind."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from testbed.scenario.scenario import Scenario
 
 
 def unflyable(s: Scenario, barrier: Barrier, airframes: Sequence[Airframe]) -> list[str]:
-    """Why vehicles cannot fly gamma steadily, one sentence each; empty if all can.
+    """Why vehicles cannot fly gamma steadily, a sentence each; empty if all can.
 
     airframes  one per vehicle, where aircraft fly
     In steady wind the airspeed of a turn at constant ground speed swings by the wind speed to either side,

@@ -57,7 +57,8 @@ def describe(
     """A datasheet: geometry, trim, envelope, modes, margins, steps; with --out a page with plots."""
     from aircraft.datasheets.datasheet import describe as measure
     from aircraft.jsbsim.errors import FdmError
-    from testbed.records.store import check_free, plain
+    from testbed.records.checksums import plain
+    from testbed.records.store import check_free
     from testbed.report.aircraft_tables import markdown, tables
 
     airframe = airframe_of(name, gains)

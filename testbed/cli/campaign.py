@@ -144,7 +144,7 @@ def _report(state: Progress, out: Path, as_json: bool, flying: bool = False) -> 
     campaign, rows = state.plan.campaign, [e["row"] for e in state.entries.values()]
     cells = summary(state)
     if as_json:
-        from testbed.records.store import plain
+        from testbed.records.checksums import plain
 
         data: dict[str, Any] = {"folder": str(out), "campaign": campaign.name, "complete": state.complete}
         data |= {"done": len(rows), "most": len(state.plan.runs), "flying": flying, "cells": cells}

@@ -69,7 +69,7 @@ def show_study(found: Found, as_json: bool) -> None:
     from testbed.report.tables import plain_table
 
     if as_json:
-        from testbed.records.store import plain
+        from testbed.records.checksums import plain
 
         print(json.dumps(plain({"folder": str(found.folder), "rows": found.rows} | found.data), indent=2))
         return

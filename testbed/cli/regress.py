@@ -101,7 +101,7 @@ def check(
         raise UserError(f"no baselines in {where}; record one: testbed regress record NAME --scenario FILE")
     reports = {n: judge(where, n, block=block, overrides=set_ or [], workers=workers) for n in chosen}
     if as_json:
-        from testbed.records.store import plain
+        from testbed.records.checksums import plain
 
         print(json.dumps(plain({n: r.as_dict() for n, r in reports.items()}), indent=2))
     else:

@@ -55,7 +55,7 @@ def figures(
         overwrite=overwrite,
     )
     if as_json:
-        from testbed.records.store import plain
+        from testbed.records.checksums import plain
 
         print(json.dumps(plain(book.summary()), indent=2))
         return

@@ -83,7 +83,7 @@ def tune(
     else:
         found = tuning.specification(airframe)
     if as_json:
-        from testbed.records.store import plain
+        from testbed.records.checksums import plain
 
         print(json.dumps(plain(found.data), indent=2))
     else:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from testbed.errors import UserError, nearest
-from testbed.records.store import plain
+from testbed.records.checksums import plain
 from testbed.regression.quantities import Quantity, quantities
 from testbed.scenario.scenario import Scenario, builtin, load, parse
 from testbed.studies.common.measure import Fields, default_starts

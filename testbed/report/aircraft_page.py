@@ -8,7 +8,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from testbed.records.store import plain, staged, write_json
+from testbed.records.checksums import plain
+from testbed.records.store import staged, write_json
 from testbed.report.aircraft_tables import specification, tables, worst
 from testbed.report.style import drawing
 
