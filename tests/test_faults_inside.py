@@ -212,7 +212,7 @@ def _raise(v: Fdm) -> None:
     class Dying:
         run = staticmethod(step)
 
-    v._fdm = Dying()
+    v.executive = Dying()
 
 
 AIRCRAFT: dict[str, tuple[str, Callable[[Fdm], None], str, list[str]]] = {
@@ -239,7 +239,7 @@ def test_an_aircraft_that_is_lost_ends_the_run(fault: str) -> None:
 
         def step(self, command: Command, wind: Array, n: int) -> Array:
             if self.flown >= AT_S:
-                befall(self._vehicles[1])
+                befall(self.vehicles[1])
             self.flown += n * self.dt
             return super().step(command, wind, n)
 

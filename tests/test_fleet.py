@@ -159,7 +159,7 @@ def test_a_vehicle_whose_numbers_break_is_reported_and_the_other_flies_on():
     fleet.reset(two(), np.random.default_rng(0))
     fleet.step(Command([20.0, 20.0], 0.0, 0.0), CALM, 10)
     last = fleet.state().array()[0]
-    fleet._vehicles[0].node("atmosphere/delta-T").set_double_value(np.nan)
+    fleet.vehicles[0].node("atmosphere/delta-T").set_double_value(np.nan)
     track = fleet.step(Command([20.0, 20.0], 0.0, 0.0), CALM, 400)
     assert fleet.faults() == ["state not finite", ""]
     assert np.isfinite(track).all() and np.isfinite(fleet.state().array()).all()

@@ -8,7 +8,7 @@ import pytest
 
 from filters.model import Command, Limits, State, View, step
 from filters.qp.single import Status
-from filters.rivals.navigation import NavigationFilter, _fade
+from filters.rivals.navigation import NavigationFilter, fade
 
 LIMITS = Limits(15.0, 25.0, np.deg2rad(13), 3.9)
 
@@ -98,7 +98,7 @@ def test_vehicles_in_one_place_or_at_the_goal_get_finite_commands():
 
 def test_the_fade_is_two_parabolas_with_a_jump_between_them():
     r = np.array([-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 2.0])
-    np.testing.assert_array_equal(_fade(r), [0.0, 0.0, 0.0625, 0.75, 0.9375, 1.0, 1.0])
+    np.testing.assert_array_equal(fade(r), [0.0, 0.0, 0.0625, 0.75, 0.9375, 1.0, 1.0])
 
 
 NEAR = {
@@ -111,11 +111,11 @@ def potential(place, vehicle, seen, goal, start, p):
     """V of one vehicle at `place`, by the formulas of the class, one vehicle at a time."""
     left, line = abs(place - goal[vehicle]), goal[vehicle] - start[vehicle]
     offset = ((place - start[vehicle]) * np.conj(line) / abs(line)).imag
-    gamma = left**2 + p["path_gain"] * float(_fade(np.array(left / p["path_radius"]))) * offset**2
+    gamma = left**2 + p["path_gain"] * float(fade(np.array(left / p["path_radius"]))) * offset**2
     beta = 1.0
     for other in seen:
-        beta *= float(_fade(np.array((abs(place - other) - p["vehicle_radius"]) / p["vehicle_margin"])))
-        beta *= float(_fade(np.array((p["disc_radius"] - abs(place)) / p["disc_margin"])))
+        beta *= float(fade(np.array((abs(place - other) - p["vehicle_radius"]) / p["vehicle_margin"])))
+        beta *= float(fade(np.array((p["disc_radius"] - abs(place)) / p["disc_margin"])))
     return gamma / (gamma ** p["exponent"] + beta) ** (1 / p["exponent"])
 
 
@@ -139,7 +139,7 @@ def test_the_gradient_is_that_of_the_potential_plus_the_swirl_of_every_vehicle_s
         for m in sensed:
             # a unit vector square to the line of sight, weaker with distance
             away = place[k] - place[m]
-            share = float(_fade(np.array(1 - abs(away) / p["sensing_range"])))
+            share = float(fade(np.array(1 - abs(away) / p["sensing_range"])))
             swirl += share * -1j * away / abs(away)
         assert found[k] == pytest.approx(slope - p["swirl"] * abs(slope) * swirl, rel=1e-9)
 

@@ -151,9 +151,7 @@ def test_the_shortcut_agrees_with_the_full_solution():
         clipped = np.clip(target, lower, upper)
         rhs = np.minimum(rhs, rows @ clipped - 0.01)
         norm = np.linalg.norm(rows, axis=1)
-        exact = single._nearest(
-            target, rows / norm[:, None], rhs / norm, lower, upper, np.ones(5, dtype=bool)
-        )
+        exact = single.nearest(target, rows / norm[:, None], rhs / norm, lower, upper, np.ones(5, dtype=bool))
         np.testing.assert_allclose(exact, clipped, rtol=0, atol=1e-9)
 
 
@@ -182,7 +180,7 @@ def test_entries_in_no_row_keep_their_target_to_the_last_bit():
 def test_refinement_starts_from_nothing_as_well():
     # Every constraint slack at the target: scipy's nnls must not be called without columns (it crashes).
     t, lo, hi = np.zeros(2), -np.ones(2), np.ones(2)
-    exact = single._nearest(t, np.eye(2), np.full(2, -0.5), lo, hi, None)
+    exact = single.nearest(t, np.eye(2), np.full(2, -0.5), lo, hi, None)
     np.testing.assert_array_equal(exact, t)
 
 
@@ -210,7 +208,7 @@ def test_infeasible_is_not_taken_from_osqp_on_trust(monkeypatch):
     honest = single.solve(target, rows, rhs, lower, upper, "osqp")
     assert honest.iterations > 0
     monkeypatch.setattr(
-        single, "_osqp", lambda t, A, b, lo, hi, **_: (np.clip(t, lo, hi), np.zeros(b.size), 1, True)
+        single, "by_osqp", lambda t, A, b, lo, hi, **_: (np.clip(t, lo, hi), np.zeros(b.size), 1, True)
     )
     found = single.solve(target, rows, rhs, lower, upper, "osqp")
     assert found.status == Status.SOLVED
@@ -220,7 +218,7 @@ def test_infeasible_is_not_taken_from_osqp_on_trust(monkeypatch):
 def test_a_bad_osqp_answer_is_refined_to_the_exact_one(monkeypatch):
     problem = random_problem(np.random.default_rng(8), 9, 12)
     honest = single.solve(*problem, "osqp")
-    monkeypatch.setattr(single, "_osqp", lambda t, A, *_, **__: (t * 0, np.ones(len(A)), 4000, False))
+    monkeypatch.setattr(single, "by_osqp", lambda t, A, *_, **__: (t * 0, np.ones(len(A)), 4000, False))
     found = single.solve(*problem, "osqp")
     assert found.refined and found.status == Status.SOLVED
     np.testing.assert_allclose(found.u, honest.u, rtol=0, atol=1e-7)
@@ -326,7 +324,7 @@ def forbidden(*_, **__):
 def test_auto_asks_the_active_set_method_and_osqp_only_if_that_fails(monkeypatch, least):
     problem = [0.5, -1.0], [[1.0, 1.0]], [5.0], [least, 0.0], [2.0, 9.5]
     with monkeypatch.context() as patch:
-        patch.setattr(single, "_osqp", forbidden)
+        patch.setattr(single, "by_osqp", forbidden)
         auto = single.solve(*problem)
     monkeypatch.setattr(single.active_set, "attempt", forbidden)
     osqp = single.solve(*problem, "osqp")
@@ -348,7 +346,7 @@ def lying(u, dual, used, claims_infeasible=False):
 def test_a_poor_answer_is_refined_at_once_and_its_iterations_count(monkeypatch):
     problem = random_problem(np.random.default_rng(12), 6, 5)
     right = single.solve(*problem)
-    monkeypatch.setattr(single, "_osqp", forbidden)
+    monkeypatch.setattr(single, "by_osqp", forbidden)
     monkeypatch.setattr(single.active_set, "attempt", lying(np.zeros_like, 0.0, 7))
     found = single.solve(*problem)
     assert (found.status, found.refined, found.iterations) == (Status.SOLVED, True, 7)
@@ -359,7 +357,7 @@ def test_a_poor_answer_is_refined_at_once_and_its_iterations_count(monkeypatch):
 def test_when_all_solvers_claim_there_is_no_input_and_a_program_finds_one_it_is_refined(monkeypatch):
     problem = random_problem(np.random.default_rng(13), 6, 5)
     right = single.solve(*problem)
-    for module, name in ((single.active_set, "attempt"), (single, "_osqp")):
+    for module, name in ((single.active_set, "attempt"), (single, "by_osqp")):
         monkeypatch.setattr(module, name, lying(np.zeros_like, 0.0, 7, True))
     found = single.solve(*problem)
     assert (found.status, found.refined, found.iterations) == (Status.SOLVED, True, 21)
@@ -370,9 +368,9 @@ def test_when_all_solvers_claim_there_is_no_input_and_a_program_finds_one_it_is_
 
 def test_what_nothing_finds_though_it_exists_is_the_iteration_limit(monkeypatch):
     problem = random_problem(np.random.default_rng(14), 6, 5)
-    for module, name in ((single.active_set, "attempt"), (single, "_osqp")):
+    for module, name in ((single.active_set, "attempt"), (single, "by_osqp")):
         monkeypatch.setattr(module, name, lying(np.zeros_like, 1.0, 7))
-    monkeypatch.setattr(single, "_nearest", lambda *_: None)
+    monkeypatch.setattr(single, "nearest", lambda *_: None)
     found = single.solve(*problem)
     margin, u = single.best_margin(*problem[1:])
     assert (found.status, found.refined, found.iterations) == (Status.ITERATION_LIMIT, False, 21)
@@ -398,13 +396,13 @@ def test_osqp_itself_answers_with_multipliers_iterations_and_silence(capfd):
     # The nearest point to (3, 1) with x <= 1 is (1, 1), pulled by a force of 2.
     target, rows, rhs = np.array([3.0, 1.0]), np.array([[-1.0, 0.0], [0.0, 1.0]]), np.array([-1.0, -5.0])
     box = np.full(2, -9.0), np.full(2, 9.0)
-    u, dual, used, infeasible = single._osqp(target, rows, rhs, *box, tolerance=1e-9, most=20_000)
+    u, dual, used, infeasible = single.by_osqp(target, rows, rhs, *box, tolerance=1e-9, most=20_000)
     np.testing.assert_allclose(u, [1.0, 1.0], atol=1e-7)
     np.testing.assert_allclose(dual, [2.0, 0.0], atol=1e-7)
     assert 0 < used <= 20_000 and infeasible is False
-    assert single._osqp(target, rows, rhs, *box, tolerance=1e-9, most=1)[2] == 1
+    assert single.by_osqp(target, rows, rhs, *box, tolerance=1e-9, most=1)[2] == 1
     outside, beyond = np.array([30.0, -30.0]), np.array([10.0, 0.0])
-    u, dual, _, infeasible = single._osqp(outside, -rows, beyond, *box, tolerance=1e-9, most=20_000)
+    u, dual, _, infeasible = single.by_osqp(outside, -rows, beyond, *box, tolerance=1e-9, most=20_000)
     assert infeasible is True and u.tolist() == [9.0, -9.0] and dual.tolist() == [0.0, 0.0]
     assert capfd.readouterr().out == ""
 
@@ -419,11 +417,11 @@ def test_the_error_is_zero_at_the_optimum_and_the_distance_from_its_conditions_e
         ([1.0, 1.0], [1.0, 0.0], 1.0),  # too little force
         ([1.0, 1.25], [2.0, 0.25], 0.25),  # a force of a row that is far away
     ):
-        assert single._error(np.array(u), np.array(dual), t, A, b, lo, hi) == error
+        assert single.optimality_error(np.array(u), np.array(dual), t, A, b, lo, hi) == error
     # pressed against the box, any force outwards is right
     for edge in (9.0, -9.0):
         u, target = np.array([edge, 1.0]), np.array([10 * edge, 1.0])
-        assert single._error(u, np.zeros(2), target, -A, b - 9.0, lo, hi) == 0.0
+        assert single.optimality_error(u, np.zeros(2), target, -A, b - 9.0, lo, hi) == 0.0
 
 
 def test_a_row_of_zeros_is_a_statement_about_its_right_hand_side():
@@ -438,8 +436,8 @@ def test_refinement_ends_at_the_optimum_wherever_it_starts(guess):
     # The box holds the first entry at 2, the first row the sum at 5, the second row nothing.
     t, lo, hi = np.array([9.0, 0.0]), np.array([0.0, 0.0]), np.array([2.0, 9.0])
     A, b = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([5.0, 1.0])
-    np.testing.assert_allclose(single._nearest(t, A, b, lo, hi, guess), [2.0, 3.0], atol=1e-12)
-    assert single._nearest(t, A, np.array([12.0, 1.0]), lo, hi, guess) is None
+    np.testing.assert_allclose(single.nearest(t, A, b, lo, hi, guess), [2.0, 3.0], atol=1e-12)
+    assert single.nearest(t, A, np.array([12.0, 1.0]), lo, hi, guess) is None
 
 
 def test_sparse_rows_are_accepted():

@@ -339,7 +339,7 @@ def test_beyond_its_horizon_no_pair_comes_as_close_as_it_is_now():
         for share in np.linspace(1.0, 4.0, 60):
             tau = share * m.horizon
             later = told.value(step(state[i], MIXED[i], tau), step(state[j], MIXED[j], tau))
-            parts = ~np.isfinite(RolloutBarrier(MIXED, DS)._period[i, j])
+            parts = ~np.isfinite(RolloutBarrier(MIXED, DS).period[i, j])
             assert np.all(later[parts] >= now[parts] * (1 - 1e-6))
 
 
@@ -366,9 +366,9 @@ def test_the_plain_form_is_the_minimum_itself_with_its_gradient():
 
 def test_turn_rates_of_a_ratio_up_to_64_have_a_period():
     turning = Command([16.0, 16.0], [0.64, -0.01], 0.0)
-    assert RolloutBarrier(turning, DS)._period[0, 1] == pytest.approx(2 * np.pi / 0.01)
+    assert RolloutBarrier(turning, DS).period[0, 1] == pytest.approx(2 * np.pi / 0.01)
     sevenths = Command([16.0, 16.0], [0.3, 0.7], 0.0)
-    assert RolloutBarrier(sevenths, DS)._period[1, 0] == pytest.approx(2 * np.pi / 0.1)
+    assert RolloutBarrier(sevenths, DS).period[1, 0] == pytest.approx(2 * np.pi / 0.1)
     reason = (
         "vehicles 1 and 2 climb alike and turn at 0.65 and 0.01 rad/s, without a ratio p/q of p, q <= 64: "
         "their relative orbit does not close and no time attains the infimum; choose commensurable turn "
@@ -450,7 +450,7 @@ def test_the_bound_on_a_cell_is_met_by_the_parabola_that_bends_as_much_as_allowe
     inside = (vertex > 0) & (vertex < width)
     ends = left, left + rise * width + 0.5 * bend * width**2
     least = np.where(inside, left - 0.5 * rise**2 / bend, np.minimum(*ends))
-    np.testing.assert_allclose(search._least_possible(*ends, np.full(500, width), bend), least, atol=1e-12)
+    np.testing.assert_allclose(search.least_possible(*ends, np.full(500, width), bend), least, atol=1e-12)
     assert 50 < inside.sum() < 450
 
 

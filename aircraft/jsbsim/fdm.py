@@ -37,7 +37,7 @@ class Fdm:
         self.airframe = airframe
         self.origin = origin
         self._integrator = 0.0  # the one to return to after the first period
-        self._fdm = loading.load(airframe, dt)
+        self.executive = loading.load(airframe, dt)  # JSBSim itself
         n = self.nodes = {name: self.node(path) for name, path in NODES.items()}
         surfaces = {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
         telemetry = TELEMETRY | surfaces
@@ -54,7 +54,7 @@ class Fdm:
 
     def node(self, path: str) -> loading.Node:
         """The property's node. Raises FdmError rather than create one that nothing reads."""
-        found = self._fdm.get_property_manager().get_node(path)
+        found = self.executive.get_property_manager().get_node(path)
         if found is None:
             raise FdmError(f"{self.airframe.folder / self.airframe.model}.xml has no property {path}")
         return found
@@ -75,26 +75,26 @@ class Fdm:
 
     def run_ic(self) -> None:
         """Initialise, actuators taking their commands at once."""
-        self._fdm.set_trim_status(True)
+        self.executive.set_trim_status(True)
         try:
-            self._fdm.run_ic()
+            self.executive.run_ic()
         except RuntimeError as error:  # a property that a function needs does not exist, say
             raise self._broken(error) from None
-        self._fdm.set_trim_status(False)
+        self.executive.set_trim_status(False)
 
     def _broken(self, error: RuntimeError) -> FdmError:
         """What JSBSim says of a model that it cannot evaluate."""
-        loading.keep_for_ever(self._fdm)
+        loading.keep_for_ever(self.executive)
         said = " ".join(str(error).replace("\\n", " ").split())
         return FdmError(f"{self.airframe.folder / self.airframe.model}.xml: {said}")
 
     def evaluate(self) -> None:
         """Evaluate all models without moving (suspended, dt is 0); actuators take their commands at once."""
-        self._fdm.set_trim_status(True)
-        self._fdm.suspend_integration()
-        self._fdm.run()
-        self._fdm.resume_integration()
-        self._fdm.set_trim_status(False)
+        self.executive.set_trim_status(True)
+        self.executive.suspend_integration()
+        self.executive.run()
+        self.executive.resume_integration()
+        self.executive.set_trim_status(False)
 
     def forget_acceleration(self) -> None:
         """Let the first period of `run` integrate by Euler: it has no acceleration of a period before."""
@@ -142,7 +142,7 @@ class Fdm:
             if not all(map(math.isfinite, wind)):
                 raise ValueError(f"wind must be finite, got {wind}")
             self.blow(wind)
-        step = self._fdm.run
+        step = self.executive.run
         x, y, z, altitude = self._position
         rows: list[float] = []
         try:

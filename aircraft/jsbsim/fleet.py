@@ -45,7 +45,7 @@ class JsbsimFleet:
         self.dt = dt
         self.origin = origin or Origin()
         self._turbulence = turbulence
-        self._vehicles: list[Fdm] = []
+        self.vehicles: list[Fdm] = []  # empty until reset
 
     def reset(
         self,
@@ -67,9 +67,9 @@ class JsbsimFleet:
         n = len(state)
         speeds = np.broadcast_to(np.asarray(speed, dtype=float), (n,))
         winds = np.broadcast_to(np.asarray(wind, dtype=float), (n, 3))
-        self._vehicles = [Fdm(airframe, self.dt, self.origin) for airframe in self.airframes]
+        self.vehicles = [Fdm(airframe, self.dt, self.origin) for airframe in self.airframes]
         for vehicle, x, y, theta, z, v, air in zip(
-            self._vehicles,
+            self.vehicles,
             *state.array().T.tolist(),
             speeds.tolist(),
             winds.tolist(),
@@ -79,7 +79,7 @@ class JsbsimFleet:
             if self._turbulence:
                 vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
         self._faults = [""] * n
-        self._alike = len({f.channels for f in self._vehicles}) == 1  # the same channels
+        self._alike = len({f.channels for f in self.vehicles}) == 1  # the same channels
         most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
         self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * n
         self._axes = self.origin.axes.tolist()
@@ -91,7 +91,7 @@ class JsbsimFleet:
         self._telling = False
         for i in range(n):
             self._moves[i] = self._motion(i)
-        self._take(positions([x for f in self._vehicles for x in f.position()], self.origin))
+        self._take(positions([x for f in self.vehicles for x in f.position()], self.origin))
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
         """Fly `command` (N,) for n periods in `wind` (N, 3); returns positions (n, N, 3). NaN is refused."""
@@ -101,7 +101,7 @@ class JsbsimFleet:
         # Who asked for telemetry last time asks again, mostly: reading it now takes a third of what it takes
         # later, when the aircraft has left the processor's cache.
         telling, self._readings, self._telling = self._telling and self._alike, [], False
-        for i, vehicle in enumerate(self._vehicles):
+        for i, vehicle in enumerate(self.vehicles):
             if flying[i]:
                 vehicle.command(*asked[i])
                 east, north, up = winds[i]
@@ -125,7 +125,7 @@ class JsbsimFleet:
         self, command: Command, wind: Array
     ) -> tuple[list[tuple[float, float, float]], list[list[float]]]:
         """Commands and winds as plain numbers, one a vehicle; raises ValueError if one is not finite."""
-        n = len(self._vehicles)
+        n = len(self.vehicles)
         if command.shape != (n,):
             command = Command.of(np.broadcast_to(command.array(), (n, 3)))
         if getattr(wind, "shape", ()) != (n, 3):
@@ -159,7 +159,7 @@ class JsbsimFleet:
         """What has befallen vehicle i, `height` [m] above ground, over `period` [s]; "" for nothing."""
         if height < _GROUND_CONTACT_M:
             return "hit the ground"
-        alpha, roll = self._vehicles[i].upset()
+        alpha, roll = self.vehicles[i].upset()
         if abs(roll) > _UPSET_RAD:
             return "upset"
         self._stalled_s[i] = self._stalled_s[i] + period if alpha > self._stall[i] else 0.0
@@ -167,7 +167,7 @@ class JsbsimFleet:
 
     def _motion(self, i: int) -> tuple[float, float, float, float]:
         """Course of vehicle i, counting turns, and its rates."""
-        course, v, omega, zeta = motion(self._vehicles[i].motion(), self._axes)
+        course, v, omega, zeta = motion(self.vehicles[i].motion(), self._axes)
         before = self._moves[i][0]
         turned = course - before
         if math.isfinite(turned):
@@ -194,9 +194,9 @@ class JsbsimFleet:
         """The channels of `properties.TELEMETRY` and all surfaces, (N,); NaN where there is none."""
         self._telling = True
         if self._alike:
-            self._readings = self._readings or [x for f in self._vehicles for x in f.readings()]
-            return telemetry(self._readings, self._vehicles[0])
-        rows = [f.telemetry() for f in self._vehicles]
+            self._readings = self._readings or [x for f in self.vehicles for x in f.readings()]
+            return telemetry(self._readings, self.vehicles[0])
+        rows = [f.telemetry() for f in self.vehicles]
         names = dict.fromkeys(name for row in rows for name in row)
         return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
@@ -206,7 +206,7 @@ class JsbsimFleet:
 
     def close(self) -> None:
         """Let go of the aircraft."""
-        self._vehicles = []
+        self.vehicles = []
 
     def __len__(self) -> int:
         return len(self.airframes)

@@ -66,7 +66,7 @@ def global_minimum(
     width = np.repeat(end[some] / FIRST_CELLS, FIRST_CELLS)
     at_left, at_right = samples[some, :-1].ravel(), samples[some, 1:].ravel()
     while True:
-        low = _least_possible(at_left, at_right, width, curvature[p])
+        low = least_possible(at_left, at_right, width, curvature[p])
         keep = low < best[p] - tolerance[p]
         if not np.any(keep):
             break
@@ -85,7 +85,7 @@ def global_minimum(
     return _polished(value, slope, best_time, best + tolerance, periodic, scale)
 
 
-def _least_possible(at_left: Array, at_right: Array, width: Array, curvature: Array) -> Array:
+def least_possible(at_left: Array, at_right: Array, width: Array, curvature: Array) -> Array:
     """Lower bound of a function on each cell from its end values and its curvature bound, all (cells,)."""
     ends = np.minimum(at_left, at_right)
     rise = np.abs(at_right - at_left)

@@ -65,7 +65,7 @@ class RolloutBarrier:
     safety: Safety = field(default_factory=SquaredRange)
     form: str = "root"
     resolution: float = 1e-13
-    _period: Array = field(init=False, repr=False)
+    period: Array = field(init=False, repr=False)  # (N, N) s, of the relative orbit; nan where none
 
     def __post_init__(self) -> None:
         check_separation(self.d_safe)
@@ -91,7 +91,7 @@ class RolloutBarrier:
                     "no time attains the infimum; choose commensurable turn rates or different climb rates"
                 )
             period[i, j] = period[j, i] = known[rates]
-        object.__setattr__(self, "_period", period)
+        object.__setattr__(self, "period", period)
 
     def manoeuvre(self, n: int) -> Command:
         """(n,): the manoeuvre given."""
@@ -123,7 +123,7 @@ class RolloutBarrier:
         i, j = chosen_pairs(state, i, j)
         vehicle_i, vehicle_j = vehicle_of(i), vehicle_of(j)
         a, b, gamma_a, gamma_b = state[i], state[j], self.gamma[vehicle_i], self.gamma[vehicle_j]
-        period = self._period[vehicle_i, vehicle_j]
+        period = self.period[vehicle_i, vehicle_j]
         motion = _motion(a, b, gamma_a, gamma_b, period, self.safety)
 
         def value(p: Indices, tau: Array) -> Array:

@@ -3,7 +3,7 @@
     minimise  1/2 |u - target|^2   subject to   rows u >= rhs,   lower <= u <= upper
 
 This is the only module that imports osqp, and it does so at the first solve. A solver (the dual active-set
-method of `active_set`, or OSQP) finds which constraints are active; where that leaves an error, `_nearest`
+method of `active_set`, or OSQP) finds which constraints are active; where that leaves an error, `nearest`
 makes the answer exact. `solve` keeps no state between calls, so equal arguments give equal bytes whatever was
 solved before.
 """
@@ -61,7 +61,7 @@ class Solution:
     status      how it ended
     residual    largest violation over all rows given, in the rows' own unit, and the box; >= 0
     iterations  the solvers', over all attempts; 0 if none was needed
-    refined     whether `_nearest` replaced the solver's answer
+    refined     whether `nearest` replaced the solver's answer
     margin      the largest common row margin max_u min(rows u - rhs) if it was computed, else nan
     """
 
@@ -167,7 +167,7 @@ def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array, solver: So
     unit, level = A / norm[:, None], b / norm
     iterations, margin = 0, float("nan")
     attempts: list[Callable[..., tuple[Array, Array, int, bool]]] = [
-        partial(_osqp, tolerance=tolerance, most=most) for tolerance, most in EFFORTS
+        partial(by_osqp, tolerance=tolerance, most=most) for tolerance, most in EFFORTS
     ]
     if solver == "auto":
         attempts.insert(0, active_set.attempt)
@@ -176,10 +176,10 @@ def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array, solver: So
         iterations += used
         if not claims_infeasible:
             u = np.clip(u, lo, hi)
-            if _error(u, dual, t, unit, level, lo, hi) <= ACCEPT and violation(u, A, b) <= RESIDUAL:
+            if optimality_error(u, dual, t, unit, level, lo, hi) <= ACCEPT and violation(u, A, b) <= RESIDUAL:
                 return Solution(u, Status.SOLVED, violation(u, A, b), iterations)
         guess = None if claims_infeasible else (dual[: b.size] > 0) | (unit @ u - level < 1e-6)
-        refined = None if claims_infeasible else _nearest(t, unit, level, lo, hi, guess)
+        refined = None if claims_infeasible else nearest(t, unit, level, lo, hi, guess)
         if refined is not None and violation(refined, A, b) <= RESIDUAL:
             return Solution(refined, Status.SOLVED, violation(refined, A, b), iterations, refined=True)
         if np.isnan(margin):
@@ -190,13 +190,13 @@ def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array, solver: So
                 )
     # Rows that only just contradict each other have no exact solution: give way by less than RESIDUAL.
     for slack in (0.0, 0.4 * RESIDUAL + max(0.0, -margin)):
-        refined = _nearest(t, unit, level - slack / norm, lo, hi, None)
+        refined = nearest(t, unit, level - slack / norm, lo, hi, None)
         if refined is not None and violation(refined, A, b) <= RESIDUAL:
             return Solution(refined, Status.SOLVED, violation(refined, A, b), iterations, True, margin)
     return Solution(fallback, Status.ITERATION_LIMIT, violation(fallback, A, b), iterations, False, margin)
 
 
-def _osqp(
+def by_osqp(
     t: Array, A: Array, b: Array, lo: Array, hi: Array, tolerance: float, most: int
 ) -> tuple[Array, Array, int, bool]:
     """OSQP from a cold start: u (n,), the rows' multipliers (m,) >= 0, iterations, whether it found no u."""
@@ -235,7 +235,7 @@ def _osqp(
     return np.array(result.x), np.maximum(0.0, -result.y[:m]), int(result.info.iter), False
 
 
-def _error(u: Array, y: Array, t: Array, A: Array, b: Array, lo: Array, hi: Array) -> float:
+def optimality_error(u: Array, y: Array, t: Array, A: Array, b: Array, lo: Array, hi: Array) -> float:
     """How far (u, y) is from the Karush-Kuhn-Tucker conditions; 0 at the optimum, u being inside the box.
 
     With y >= 0 fixed the Lagrangian is least at clip(t + A' y); beside that every row needs the smaller of
@@ -247,7 +247,7 @@ def _error(u: Array, y: Array, t: Array, A: Array, b: Array, lo: Array, hi: Arra
     return float(max(stationary, np.abs(np.minimum(y, A @ u - b)).max(initial=0.0)))
 
 
-def _nearest(
+def nearest(
     t: Array, A: Array, b: Array, lo: Array, hi: Array, guess: NDArray[np.bool_] | None
 ) -> Array | None:
     """The exact optimum by least-distance programs over a growing set of constraints; None if there is none.

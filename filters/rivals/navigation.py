@@ -114,7 +114,7 @@ class NavigationFilter:
         distance = np.abs(away)
         # -1j turns the line of sight clockwise: the paper's cross product with the vertical.
         across = -1j * away / np.where(distance > 0, distance, 1.0)
-        share = np.where(sensed, _fade((self.sensing_range - distance) / self.sensing_range), 0.0)
+        share = np.where(sensed, fade((self.sensing_range - distance) / self.sensing_range), 0.0)
         return np.asarray(slope - self.swirl * np.abs(slope) * np.sum(share * across, axis=1))
 
     def _potential(self, place: Complex, seen: Complex, sensed: NDArray[np.bool_]) -> Array:
@@ -124,16 +124,16 @@ class NavigationFilter:
         line = goal - start
         length = np.abs(line)
         offset = np.imag((place - start) * np.conj(line) / np.where(length > 0, length, 1.0))
-        gamma = left**2 + self.path_gain * _fade(left / self.path_radius) * offset**2
+        gamma = left**2 + self.path_gain * fade(left / self.path_radius) * offset**2
         apart = np.abs(place[:, None] - seen)
-        disc = _fade((self.disc_radius - np.abs(place)) / self.disc_margin)
-        factor = _fade((apart - self.vehicle_radius) / self.vehicle_margin) * disc[:, None]
+        disc = fade((self.disc_radius - np.abs(place)) / self.disc_margin)
+        factor = fade((apart - self.vehicle_radius) / self.vehicle_margin) * disc[:, None]
         beta = np.prod(np.where(sensed, factor, 1.0), axis=1)
         bottom = (gamma**self.exponent + beta) ** (1.0 / self.exponent)
         return np.where(bottom > 0, gamma / np.where(bottom > 0, bottom, 1.0), 1.0)
 
 
-def _fade(r: Array) -> Array:
+def fade(r: Array) -> Array:
     """0 below r = 0, 1 above 1, two parabolas between; they jump from 1/4 to 3/4, as the authors ran it."""
     r = np.clip(r, 0.0, 1.0)
     return np.where(r < 0.5, r**2, 1.0 - (1.0 - r) ** 2)

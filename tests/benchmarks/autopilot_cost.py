@@ -41,7 +41,7 @@ def cost(name: str, rounds: int = 8) -> tuple[float, float]:
             flying.start(LEVEL)
             bare.trim(LEVEL)
             for _ in range(40):
-                turn = [timeit.timeit(fdm._fdm.run, number=200) for fdm in (flying, bare)]
+                turn = [timeit.timeit(fdm.executive.run, number=200) for fdm in (flying, bare)]
                 least = np.minimum(least, turn)
     return tuple(float(t / 200 * 1e6) for t in least)  # type: ignore[return-value]
 

@@ -46,7 +46,7 @@ class BareStep:
         """Measure now, on a fresh aircraft: where it lies in memory matters."""
         fdm = Fdm(load("x8"), 0.005, Origin())
         fdm.start(Start(0.0, 0.0, 0.0, 0.0, 20.0))
-        now = least(fdm._fdm.run, 20, 200)
+        now = least(fdm.executive.run, 20, 200)
         self.measured.append(now)
         return now
 
@@ -61,7 +61,7 @@ def in_turn(vehicles: int, periods: int) -> float:
     fleet = [Fdm(airframe, 0.005, origin) for _ in range(vehicles)]
     for k, fdm in enumerate(fleet):
         fdm.start(Start(50.0 * k, 0.0, 0.0, 0.0, 20.0))
-    steps = [fdm._fdm.run for fdm in fleet]
+    steps = [fdm.executive.run for fdm in fleet]
 
     def turn() -> None:
         for step in steps:
