@@ -52,8 +52,8 @@ def shares(
     Source  Squires et al. 2022, the QP of "Control calculation with limited communication", with |V^j| = k.
     """
     k = len(rows.vehicles)
-    if k == 1:
-        found = [rows.rhs]
+    if k == 1 or not rows.rhs.size:
+        found = [rows.rhs] * k
     elif gammas is None:
         raise ValueError(
             "limited communication splits a row by an evading manoeuvre that all know, and this barrier has"
