@@ -20,12 +20,12 @@ import psutil
 import pytest
 
 from testbed.campaigns.cluster import Cluster
-from testbed.campaigns.display import View
 from testbed.campaigns.folder import locked
 from testbed.campaigns.outcome import Executor
 from testbed.campaigns.processes import Processes
 from testbed.campaigns.progress import Progress
 from testbed.campaigns.runner import fly_all, prepare
+from testbed.campaigns.view import View
 from testbed.errors import UserError
 
 pytestmark = pytest.mark.slow

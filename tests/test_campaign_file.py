@@ -10,8 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbed.campaigns import display as view
-from testbed.campaigns import file
+from testbed.campaigns import file, view
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import GUARANTEES, Campaign, Distribution
 from testbed.campaigns.identity import ROOT, code_id, content_id, modules

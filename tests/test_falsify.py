@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from filters.model import Array
+from testbed.campaigns.job import Job
 from testbed.campaigns.outcome import Outcome
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
@@ -175,8 +176,8 @@ class Landscape:
     margin: Callable[[dict[str, Any]], float]
     refused: Callable[[dict[str, Any]], bool] = lambda s: False
 
-    def __call__(self, job: tuple[str, str]) -> dict[str, Any]:
-        s = json.loads(job[0])
+    def __call__(self, job: Job) -> dict[str, Any]:
+        s = json.loads(job.data)
         no = self.refused(s)
         margin = float("nan") if no else float(self.margin(s))
         return {
@@ -293,7 +294,7 @@ QUICK = ["fdm_dt_s=0.05", "filter_dt_s=0.05", "record_dt_s=0.05", "duration_s=10
 
 def test_a_start_outside_the_safe_set_is_refused_where_it_is_flown() -> None:
     made = space(STARTS_ONLY, *QUICK, "radius_m=4", "lookahead_m=10")
-    result = fly((override(made.at(np.zeros(made.size)), {}), "separation"))
+    result = fly(Job("start", override(made.at(np.zeros(made.size)), {}), 1, "separation"))
     assert "outside the safe set" in result["refused"] and not result["violated"]
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from testbed.campaigns.engine import fly_all, notebook
+from testbed.campaigns.engine import fly_all
+from testbed.campaigns.journal import journal_beside
 from testbed.components.initial_conditions import generators, places
 from testbed.simulation.simulate import run
 from testbed.studies.kink import kink
@@ -130,11 +131,11 @@ def test_an_interrupted_study_resumes(tmp_path: Path, monkeypatch: pytest.Monkey
         return {"seed": case.seed, "min_distance_m": 6.0, "min_h_m": 1.0}
 
     monkeypatch.setattr(kink, "row", row)
-    with pytest.raises(KeyboardInterrupt), notebook(tmp_path / "k", "kink") as book:
+    with pytest.raises(KeyboardInterrupt), journal_beside(tmp_path / "k", "kink") as book:
         kink.study(cases, book, workers=1)
     assert len(list(tmp_path.iterdir())) == 1
     flown.append(0)
-    with notebook(tmp_path / "k", "kink") as book:
+    with journal_beside(tmp_path / "k", "kink") as book:
         table = kink.study(cases, book, workers=1)
     assert flown == [1, 2, 0, 3] and list(table.seed) == [1, 2, 3]
     assert not list(tmp_path.iterdir())

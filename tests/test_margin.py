@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 from testbed.campaigns import named_remedies
+from testbed.campaigns.job import Job
 from testbed.errors import UserError
 from testbed.scenario.scenario import load, parse
-from testbed.studies.common.measure import Job, override
+from testbed.studies.common.measure import override
 from testbed.studies.margin.margin import KNOBS, find, sentence
 from testbed.studies.remedies import remedies
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from testbed.campaigns.job import Job
 from testbed.errors import UserError
 from testbed.regression import recording
 from testbed.regression.baseline import folder, read
@@ -19,7 +20,6 @@ from testbed.regression.quantities import Quantity, quantities
 from testbed.regression.recording import record, rung_fields
 from testbed.regression.tolerance import ALPHA_RECORDED, compare, holm, seeds_needed, tolerance
 from testbed.scenario.scenario import load
-from testbed.studies.common.measure import Job
 
 DISTANCE = Quantity("separation", "m", -1, 0.01)
 LOST = Quantity("separation lost", "", +1, 0.0, verdict=True)

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from testbed.campaigns.job import Job
 from testbed.regression import recording
 from testbed.regression.plugin import FidelityBaseline
 from testbed.regression.quantities import quantities
 from testbed.regression.recording import record
 from testbed.scenario.scenario import load
-from testbed.studies.common.measure import Job
 
 # The flights of that project cost nothing: aircraft come half a metre closer where the scenario says so.
 CONFTEST = f"""

@@ -13,10 +13,11 @@ import pytest
 
 from aircraft.airframe import copy
 from testbed.campaigns import identity
-from testbed.campaigns.engine import Notebook, notebook
+from testbed.campaigns.job import Job
+from testbed.campaigns.journal import Journal, journal_beside
 from testbed.errors import UserError
 from testbed.scenario.scenario import load
-from testbed.studies.common.measure import Job, keys, override
+from testbed.studies.common.measure import keys, override
 from testbed.studies.margin import margin as margins
 from testbed.studies.remedies import remedies
 
@@ -205,15 +206,15 @@ def test_an_interrupted_margin_goes_on(
 
 
 def test_a_line_cut_short_costs_one_run_and_not_its_neighbour(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), notebook(tmp_path / "s", "study") as book:
+    with pytest.raises(KeyboardInterrupt), journal_beside(tmp_path / "s", "study") as book:
         book.keep("a", {"value": 1.0})
         book.keep("b", {"value": float("nan")})
         raise KeyboardInterrupt
     (file,) = tmp_path.iterdir()
     for cut in range(2, 34):  # within the second line, wherever a brace may stand
-        whole = '{"key": "a", "row": {"value": 1.0}}\n'
-        file.write_text(whole + '{"key": "b{}", "row": {"value": null}}'[:cut])
-        torn = Notebook(file)
+        whole = '{"id": "a", "row": {"value": 1.0}, "timing": {}}\n'
+        file.write_text(whole + '{"id": "b{}", "row": {"value": null}, "timing": {}}'[:cut])
+        torn = Journal(file)
         assert torn.rows == {"a": {"value": 1.0}}
         torn.keep("c", {})
-        assert Notebook(file).rows == {"a": {"value": 1.0}, "c": {}}
+        assert Journal(file).rows == {"a": {"value": 1.0}, "c": {}}

@@ -1,42 +1,23 @@
-"""One run of a campaign, as a worker flies it: a job in, a row of plain data out."""
+"""Flies one run of a campaign in a worker: takes a job, returns a row of plain data."""
 
 from __future__ import annotations
 
-import json
 import shutil
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from testbed.campaigns.identity import code_id
+from testbed.campaigns.job import Job
 from testbed.errors import UserError, short
 from testbed.records.checksums import plain
 from testbed.records.run import Run
 from testbed.records.verdict import Status
-from testbed.scenario.scenario import Scenario, parse
+from testbed.scenario.scenario import Scenario
 from testbed.simulation.simulate import run
 
 FLOWN, REFUSED, FAILED = "flown", "refused", "failed"
 
-# What a run itself cannot be blamed for: without disk or memory the campaign stops, and resumes.
+# Faults of the machine, not of the run: without disk or memory the campaign stops, and can be resumed.
 NOT_THE_RUNS = (OSError, MemoryError)
-
-
-@dataclass(frozen=True)
-class Job:
-    """A run to fly.
-
-    data    the resolved scenario as JSON
-    code    `code_id` of the campaign: other code would give other numbers under the same name
-    folder  where its run folder goes; None keeps none
-    unless  with a folder: it is removed again if this guarantee holds; "" keeps it always
-    """
-
-    data: str
-    code: str
-    force: bool
-    folder: Path | None = None
-    unless: str = ""
 
 
 def fly(job: Job) -> dict[str, Any]:
@@ -48,7 +29,7 @@ def fly(job: Job) -> dict[str, Any]:
     if code_id() != job.code:
         raise UserError(f"a worker runs other code ({code_id()}) than this campaign began with ({job.code})")
     try:
-        return row(_flown(parse(json.loads(job.data)), job))
+        return row(_flown(job.scenario(), job))
     except NOT_THE_RUNS:
         raise
     except UserError as error:
@@ -86,7 +67,7 @@ def _flown(s: Scenario, job: Job) -> Run:
         rates = s.rates.model_copy(update={"record_dt_s": steps * s.rates.filter_dt_s})
         return run(s.model_copy(update={"rates": rates}), force=job.force)
     done = run(s, job.folder, force=job.force, overwrite=True)
-    if job.unless and not lost(row(done), job.unless):
+    if job.guarantee and not lost(row(done), job.guarantee):
         shutil.rmtree(job.folder)
     return done
 

@@ -1,22 +1,22 @@
-"""Flying a campaign into its folder, from the beginning or from where it was interrupted."""
+"""Flies a campaign into its folder, from the beginning or from where it was interrupted."""
 
 from __future__ import annotations
 
 import json
 import shutil
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from testbed.campaigns import file, folder, tables
-from testbed.campaigns.display import View
+from testbed.campaigns import engine, file, folder, tables
 from testbed.campaigns.file import SCHEMA_VERSION
-from testbed.campaigns.flight import FAILED, Job, blank, fly
+from testbed.campaigns.flight import FAILED, blank, fly
+from testbed.campaigns.job import Job
 from testbed.campaigns.outcome import CrashError, Executor, Outcome
 from testbed.campaigns.plan import Plan, Planned, base, expand
 from testbed.campaigns.progress import Progress, progress
 from testbed.campaigns.summary import summary
+from testbed.campaigns.view import View
 from testbed.components.catalogue import versions
 from testbed.errors import UserError
 from testbed.records.store import write_json
@@ -70,12 +70,14 @@ def fly_all(plan: Plan, out: Path, pool: Executor, view: View) -> Progress:
     """
     with folder.locked(out):
         _sweep(out)
-        journal = folder.Journal(out)
+        journal = folder.journal(out)
         state = progress(plan, journal.entries)
         try:
             with view.showing(state, len({r.id for r in plan.runs}), pool):
                 while not state.complete:
-                    _round(state, out, pool, journal, view)
+                    runs = state.missing
+                    jobs, ids = _Jobs(plan, runs, out), [r.id for r in runs]
+                    engine.fly(fly, jobs, ids, journal, pool, lambda _, row: view.done(row), _row)
                     state = progress(plan, journal.entries)
             _finish(state, out)
         except OSError as error:
@@ -87,15 +89,6 @@ def fly_all(plan: Plan, out: Path, pool: Executor, view: View) -> Progress:
 
 def hint(state: Progress, out: Path) -> str:
     return f"{len(state.entries)} runs are kept, go on with: testbed campaign resume {out}"
-
-
-def _round(state: Progress, out: Path, pool: Executor, journal: folder.Journal, view: View) -> None:
-    missing = list({r.id: r for r in state.missing}.values())
-    for outcome in pool.imap(fly, _Jobs(state.plan, missing, out)):
-        row = _row(outcome)
-        timing = {"wall_s": outcome.wall_s, "worker": outcome.worker, "ended_unix_s": time.time()}
-        journal.keep(missing[outcome.index].id, row, timing)
-        view.done(row)
 
 
 def _row(outcome: Outcome) -> dict[str, Any]:
@@ -110,7 +103,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
 
 
 class _Jobs(Sequence[Job]):
-    """Jobs made when they are asked for: scenarios of a hundred thousand runs would fill the memory."""
+    """Jobs made when they are asked for: the scenarios of a hundred thousand runs would fill the memory."""
 
     def __init__(self, plan: Plan, runs: list[Planned], out: Path) -> None:
         self._plan, self._runs, self._out = plan, runs, out.resolve()
@@ -121,11 +114,9 @@ class _Jobs(Sequence[Job]):
     def __getitem__(self, index: Any) -> Any:
         run, campaign = self._runs[index], self._plan.campaign
         data = json.dumps(self._plan.data(run))
-        if campaign.keep == "none":
-            return Job(data, self._plan.code, campaign.force)
-        where = self._out / "runs" / run.id
+        where = None if campaign.keep == "none" else self._out / "runs" / run.id
         unless = campaign.guarantee if campaign.keep == "violations" else ""
-        return Job(data, self._plan.code, campaign.force, where, unless)
+        return Job(run.id, data, run.seed, unless, campaign.force, self._plan.code, where)
 
 
 def _finish(state: Progress, out: Path) -> None:
@@ -138,7 +129,7 @@ def _finish(state: Progress, out: Path) -> None:
 
 
 def _sweep(out: Path) -> None:
-    """Away with what an interrupted process left half-written. Only with the lock."""
+    """Remove files that an interrupted process left half-written. Call it with the lock held."""
     for partial in [*out.glob(".*.partial"), *(out / "runs").glob(".*.partial-*")]:
         shutil.rmtree(partial, ignore_errors=True) if partial.is_dir() else partial.unlink()
 

@@ -62,11 +62,11 @@ def resume(
 @app.command(epilog="Example: testbed campaign status runs/head-on --json")
 def status(folder: FolderArg, as_json: JsonOption = False) -> None:
     """How far a campaign is, and what its runs say so far. Reads only."""
-    from testbed.campaigns.folder import Journal, is_locked
+    from testbed.campaigns.folder import is_locked, journal
     from testbed.campaigns.progress import progress
     from testbed.campaigns.runner import reopen
 
-    state = progress(reopen(folder, to_fly=False), Journal(folder).entries)
+    state = progress(reopen(folder, to_fly=False), journal(folder).entries)
     _report(state, folder, as_json, flying=is_locked(folder))
 
 
@@ -115,18 +115,18 @@ def _check_workers(workers: int | None, cluster: str | None) -> None:
 
 
 def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_json: bool) -> None:
-    from testbed.campaigns.display import View
     from testbed.campaigns.executor import executor
-    from testbed.campaigns.folder import Journal
+    from testbed.campaigns.folder import journal
     from testbed.campaigns.progress import progress
     from testbed.campaigns.runner import fly_all, hint
+    from testbed.campaigns.view import View
     from testbed.cli.interrupts import StoppedError
 
     try:
         with executor(workers, cluster) as pool:
             state = fly_all(plan, out, pool, View())
     except (KeyboardInterrupt, StoppedError) as error:
-        kept = progress(plan, Journal(out).entries)
+        kept = progress(plan, journal(out).entries)
         print(f"interrupted; {hint(kept, out)}", file=sys.stderr)
         raise typer.Exit(128 + getattr(error, "number", signal.SIGINT)) from None
     if state.complete:

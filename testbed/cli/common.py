@@ -12,7 +12,7 @@ import typer
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
-    from testbed.campaigns.simulated_time import Progress
+    from testbed.campaigns.display import Display
     from testbed.records.run import Run
     from testbed.scenario.scenario import Scenario
     from testbed.studies.common.found import Found
@@ -90,14 +90,14 @@ def scenario_of(source: str, overrides: list[str] | None, seed: int | None, plan
 def fly_into(s: Scenario, where: Path, force: bool, overwrite: bool) -> Run:
     from testbed.simulation.simulate import run as fly
 
-    with progress() as bar:
+    with display() as bar:
         return fly(s, where, force=force, overwrite=overwrite, progress=bar.track(s.plant))
 
 
-def progress() -> Progress:
-    from testbed.campaigns.simulated_time import Progress
+def display() -> Display:
+    from testbed.campaigns.display import Display
 
-    return Progress()
+    return Display()
 
 
 def show(table: object) -> None:

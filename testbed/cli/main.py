@@ -21,8 +21,8 @@ from testbed.cli.common import (
     SetOption,
     WorkersOption,
     count,
+    display,
     fly_into,
-    progress,
     scenario_of,
     show,
     show_named,
@@ -139,7 +139,7 @@ def compare(
         raise UserError("--plants: name at least one plant")
     first = next(iter(scenarios.values()))
     where = out or Path("runs") / f"{first.name}-compare"
-    with progress() as bar:
+    with display() as bar:
         result = fly_all(scenarios, where, force=force, overwrite=overwrite, progress=bar, report=report)
     if as_json:
         print(json.dumps(result.summary(), indent=2))

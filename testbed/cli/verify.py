@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from testbed.cli.common import JsonOption, progress, show
+from testbed.cli.common import JsonOption, display, show
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,7 +40,7 @@ def verify(
     if fly:
         from testbed.simulation.refly import refly
 
-        with progress() as bar:
+        with display() as bar:
             findings += refly(run, bar.track("again"))
     wrong, left = ([f for f in findings if f.agrees is answer] for answer in (False, None))
     if as_json:

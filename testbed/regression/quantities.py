@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbed.campaigns.job import Job
 from testbed.claims import registry
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.verdict import Status
 from testbed.scenario.scenario import Scenario, parse
 from testbed.simulation.simulate import run
-from testbed.studies.common.measure import Fields, Job, override
+from testbed.studies.common.measure import Fields, override
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from testbed.campaigns.engine import fly_all
+from testbed.campaigns.job import Job
 from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
 from testbed.errors import UserError, nearest
@@ -17,7 +18,7 @@ from testbed.regression.judging import findings
 from testbed.regression.quantities import fly, job, quantities
 from testbed.regression.tolerance import seeds_needed, tolerance
 from testbed.scenario.scenario import Scenario
-from testbed.studies.common.measure import Fields, Job
+from testbed.studies.common.measure import Fields
 from testbed.studies.ladder.ladder import rungs as ladder
 
 Runs = dict[str, dict[str, np.ndarray]]
@@ -51,7 +52,7 @@ def fly_rungs(
     """Rung -> quantity -> (n,) over `seeds`, nan where a run has no value."""
     chosen = list(seeds)
     jobs = [job(s, rung, fields, seed) for rung, fields in rungs.items() for seed in chosen]
-    rows = fly_all(fly, jobs, workers, done=_said)
+    rows = fly_all(fly, jobs, workers, said=_said)
     found: Runs = {}
     for k, rung in enumerate(rungs):
         of = rows[k * len(chosen) : (k + 1) * len(chosen)]

@@ -21,11 +21,11 @@ from typing import Any
 import psutil
 
 from testbed.campaigns import file
-from testbed.campaigns.display import View
-from testbed.campaigns.folder import Journal
+from testbed.campaigns.folder import journal
 from testbed.campaigns.plan import Plan, base, expand
 from testbed.campaigns.processes import Processes
 from testbed.campaigns.runner import fly_all, prepare
+from testbed.campaigns.view import View
 from testbed.scenario.scenario import parse
 from testbed.simulation.simulate import run
 
@@ -82,10 +82,10 @@ def _campaign(place: Path, runs: int, duration_s: float, workers: int) -> dict[s
         warm, timed = prepared("warm", 4 * workers, 10_000), prepared("timed", runs, 1)
         began = time.time()
         fly_all(*warm, pool, View())
-        up = min(e["timing"]["ended_unix_s"] for e in Journal(warm[1]).entries.values())
+        up = min(e["timing"]["ended_unix_s"] for e in journal(warm[1]).entries.values())
         cpu, start = _cpu(pool), time.time()
         fly_all(*timed, pool, View())
-        last = max(e["timing"]["ended_unix_s"] for e in Journal(timed[1]).entries.values())
+        last = max(e["timing"]["ended_unix_s"] for e in journal(timed[1]).entries.values())
         finished, cpu = time.time() - last, _cpu(pool) - cpu
     return {
         "wall_s_per_run": (last - start) / runs,

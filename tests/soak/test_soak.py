@@ -114,9 +114,9 @@ heading_perturbation_deg = 5.0
 
 
 def test_two_thousand_runs(tmp_path: Path) -> None:
-    from testbed.campaigns.display import View
     from testbed.campaigns.executor import executor
     from testbed.campaigns.runner import fly_all, prepare
+    from testbed.campaigns.view import View
 
     runs = 2 * max(20, round(1000 * SHARE))
     file = tmp_path / "soak.toml"

@@ -9,10 +9,12 @@ import json
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from testbed.campaigns.engine import Notebook
+from testbed.campaigns.engine import fly_rows
+from testbed.campaigns.job import Job
+from testbed.campaigns.journal import Journal
 from testbed.scenario.scenario import Scenario, load, parse
 from testbed.statistics import rate
-from testbed.studies.common.measure import Fields, Job, default_starts, keys, measure, override, said
+from testbed.studies.common.measure import Fields, default_starts, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,7 +78,7 @@ def _with(data: dict[str, Any], fields: Fields) -> dict[str, Any]:
 def answer(
     made: dict[tuple[str, int, str, str], Scenario],
     seeds: dict[int, int],
-    book: Notebook,
+    book: Journal,
     workers: int | None = None,
 ) -> pd.DataFrame:
     """One row per case; what `book` has is not flown again.
@@ -90,7 +92,7 @@ def answer(
         for key, s in made.items()
     }
     flat = [job for of in jobs.values() for job in of]
-    rows = dict(zip(flat, book.fly(measure, flat, keys(flat), workers, said), strict=True))
+    rows = dict(zip(flat, fly_rows(measure, flat, keys(flat), book, workers, said), strict=True))
     return pd.DataFrame([_row(key, [rows[j] for j in of]) for key, of in jobs.items()])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from testbed.campaigns.engine import notebook
+from testbed.campaigns.journal import journal_beside
 from testbed.components import catalogue
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
@@ -24,7 +24,7 @@ def answer(
     check_free(out, overwrite)
     made = answers.cases(airframes, vehicles)
     each = {n: seeds if n == 2 else max(5, seeds // 5) for n in vehicles}
-    with notebook(out, "answer") as kept:
+    with journal_beside(out, "answer") as kept:
         table = answers.answer(made, each, kept, workers)
         with reported(out, page.part, overwrite) as folder:
             table.to_csv(folder / "answer.csv", index=False)

@@ -1,26 +1,17 @@
-"""One run of a study: a scenario with fields overridden, a seed, and the few numbers studies compare."""
+"""Flies one run of a study and returns the few numbers that studies compare."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
+from testbed.campaigns.job import Job
 from testbed.claims.registry import GOAL, INTERVENTION, QP_FEASIBILITY, SAFE_SET, SEPARATION, START_SAFE
 from testbed.components.components import Parts
 from testbed.scenario.scenario import Scenario
 
 Fields = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Job:
-    """One run: the scenario as data, a seed."""
-
-    label: str
-    data: str
-    seed: int
 
 
 def measure(job: Job, parts: Parts | None = None) -> dict[str, Any]:
@@ -29,12 +20,10 @@ def measure(job: Job, parts: Parts | None = None) -> dict[str, Any]:
     A run that cannot start has nan values and says why.
     """
     from testbed.errors import UserError
-    from testbed.scenario.scenario import parse
     from testbed.simulation.simulate import run
 
-    data = json.loads(job.data) | {"seed": job.seed}
     try:
-        done = run(parse(data), force=True, parts=parts)
+        done = run(job.scenario(), force=True, parts=parts)
     except UserError as error:
         return {"rung": job.label, "seed": job.seed, "refused": str(error)}
     row = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from testbed.campaigns.simulated_time import Progress
+from testbed.campaigns.display import Display
 from testbed.components.components import Parts
 from testbed.records.checksums import plain
 from testbed.records.run import Run
@@ -40,7 +40,7 @@ def compare(
     *,
     force: bool = False,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: Display | None = None,
     report: bool = True,
     parts: Mapping[str, Parts] | None = None,
 ) -> Comparison:

@@ -1,8 +1,7 @@
-"""The flights of a falsifier: departures flown in order, each judged by one guarantee, all kept."""
+"""Flies departures in order for the falsifier, judges each by one guarantee, and keeps them all."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import nan
@@ -11,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filters.model import Array
+from testbed.campaigns.display import say
+from testbed.campaigns.inprocess import InProcess
+from testbed.campaigns.job import Job
 from testbed.studies.common.measure import override
 from testbed.studies.falsify.space import Space
 
 if TYPE_CHECKING:
     from testbed.campaigns.outcome import Executor
-
-# (a scenario as JSON, the guarantee that judges it)
-Job = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -49,17 +48,13 @@ class Flight:
 
 def fly(job: Job) -> dict[str, Any]:
     """Fly a scenario; what `Flight` has of it. A start that is refused says why."""
-    import json
-
     from testbed.errors import UserError
     from testbed.records.verdict import Status
-    from testbed.scenario.scenario import parse
     from testbed.simulation.simulate import run
 
-    data, guarantee = job
     result = {"margin": nan, "value": nan, "violated": False, "refused": "", "vehicles": (), "t_s": nan}
     try:
-        entry = run(parse(json.loads(data))).guarantee(guarantee)
+        entry = run(job.scenario()).guarantee(job.guarantee)
     except UserError as error:
         return result | {"refused": str(error)}
     if entry["margin"] is None:  # not applicable
@@ -103,7 +98,7 @@ class Flights:
         for start in range(0, len(points), at_once):
             for place, flight in enumerate(self._fly(stage, points[start : start + at_once]), start):
                 self.flown.append(flight)
-                print(self._line(flight), file=sys.stderr, flush=True)
+                say(self._line(flight))
                 if flight.violated and found is None:
                     found = place
                     if stop:
@@ -111,12 +106,11 @@ class Flights:
         return found
 
     def _fly(self, stage: str, points: Sequence[Array]) -> list[Flight]:
-        jobs = [(override(self.space.at(x), {}), self.guarantee) for x in points]
-        if self.pool is None or len(jobs) < 2:
-            results = [self.work(job) for job in jobs]
-        else:
-            outcomes = sorted(self.pool.imap(self.work, jobs), key=lambda o: o.index)
-            results = [outcome.value() for outcome in outcomes]
+        seed = self.space.scenario.seed
+        jobs = [Job(stage, override(self.space.at(x), {}), seed, self.guarantee) for x in points]
+        pool = InProcess() if self.pool is None or len(jobs) < 2 else self.pool
+        outcomes = sorted(pool.imap(self.work, jobs), key=lambda o: o.index)
+        results = [outcome.value() for outcome in outcomes]
         number = len(self.flown) + 1
         return [
             Flight(number + k, stage, np.array(x), **result)

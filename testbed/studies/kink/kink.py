@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.campaigns.engine import Notebook
+from testbed.campaigns.engine import fly_rows
+from testbed.campaigns.journal import Journal
 from testbed.claims.registry import QP_FEASIBILITY, SAFE_SET, SEPARATION
 from testbed.scenario.scenario import Scenario, load
 
@@ -103,7 +104,7 @@ def row(case: Case) -> dict[str, Any]:
     }
 
 
-def study(cases: list[Case], book: Notebook, workers: int | None = None) -> pd.DataFrame:
+def study(cases: list[Case], book: Journal, workers: int | None = None) -> pd.DataFrame:
     """One row per case, in their order; what `book` has is not flown again."""
     import pandas as pd
 
@@ -121,7 +122,7 @@ def study(cases: list[Case], book: Notebook, workers: int | None = None) -> pd.D
             f" least distance {result['min_distance_m']:.2f} m, h {result['min_h_m']:.2f} m"
         )
 
-    return pd.DataFrame(book.fly(row, cases, [key(c) for c in cases], workers, said))
+    return pd.DataFrame(fly_rows(row, cases, [key(c) for c in cases], book, workers, said))
 
 
 def summary(table: pd.DataFrame, d_safe: float) -> pd.DataFrame:

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.campaigns.engine import Notebook
+from testbed.campaigns.engine import fly_rows
+from testbed.campaigns.job import Job
+from testbed.campaigns.journal import Journal
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import Mean, Rate, mean, rate
-from testbed.studies.common.measure import Fields, Job, keys, measure, override, said
+from testbed.studies.common.measure import Fields, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,7 +99,7 @@ def climb(
     s: Scenario,
     ladder: Sequence[Rung],
     seeds: int,
-    book: Notebook,
+    book: Journal,
     workers: int | None = None,
     work: Callable[[Job], dict[str, Any]] = measure,
 ) -> pd.DataFrame:
@@ -111,7 +113,7 @@ def climb(
     for name, (without, with_) in alone(ladder).items():
         wanted[f"{name} off"], wanted[f"{name} alone"] = override(s, without), override(s, with_)
     jobs = [Job(name, data, seed) for name, data in wanted.items() for seed in range(1, seeds + 1)]
-    rows = book.fly(work, jobs, keys(jobs), workers, said)
+    rows = fly_rows(work, jobs, keys(jobs), book, workers, said)
     return pd.DataFrame(
         [row | {"rung": job.label, "seed": job.seed} for row, job in zip(rows, jobs, strict=True)]
     )

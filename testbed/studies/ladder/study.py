@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from testbed.campaigns.engine import notebook
+from testbed.campaigns.journal import journal_beside
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
 from testbed.scenario.scenario import Scenario
@@ -24,7 +24,7 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
     check_free(out, overwrite)
     s = default_starts(s)
     rungs = ladders.rungs(s)
-    with notebook(out, "ladder") as kept:
+    with journal_beside(out, "ladder") as kept:
         table = ladders.climb(s, rungs, seeds, kept, workers)
         distance = ladders.account(table, rungs, "distance_m")
         h = ladders.account(table, rungs, "h_m")

@@ -13,11 +13,13 @@ from dataclasses import asdict, dataclass, field
 from math import ceil, log
 from typing import TYPE_CHECKING, Any
 
-from testbed.campaigns.engine import Notebook
+from testbed.campaigns.engine import fly_rows
+from testbed.campaigns.job import Job
+from testbed.campaigns.journal import Journal
 from testbed.errors import UserError, nearest
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import rate, zero_event_bound
-from testbed.studies.common.measure import Fields, Job, keys, measure, override, said
+from testbed.studies.common.measure import Fields, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,7 +111,7 @@ def find(
     seeds: int = 20,
     workers: int | None = None,
     measured: Callable[[Job], dict[str, Any]] = measure,
-    book: Notebook | None = None,
+    book: Journal | None = None,
 ) -> Margin:
     """Sweep, bracket, bisect, certify.
 
@@ -125,11 +127,13 @@ def find(
     k = KNOBS[knob]
     for setting in k.grid:  # what the scenario cannot take is said before anything is flown
         override(s, k.fields(setting))
-    found, flown = Margin(knob, k.unit, target_rate), book or Notebook()
+    found, flown = Margin(knob, k.unit, target_rate), book or Journal()
 
     def fly(setting: float, chosen: range, stage: str) -> Point:
         jobs = [Job(f"{knob} {setting:g}", override(s, k.fields(setting)), seed) for seed in chosen]
-        rows = flown.fly(measured, jobs, keys(jobs), workers, lambda job, row: f"{stage}: {said(job, row)}")
+        rows = fly_rows(
+            measured, jobs, keys(jobs), flown, workers, lambda job, row: f"{stage}: {said(job, row)}"
+        )
         found.points.append(_point(setting, rows, stage))
         return found.points[-1]
 

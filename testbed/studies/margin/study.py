@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from testbed.campaigns.engine import notebook
+from testbed.campaigns.journal import journal_beside
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
 from testbed.scenario.scenario import Scenario
@@ -26,7 +26,7 @@ def margin(
 
     check_free(out, overwrite)
     s = default_starts(s)
-    with notebook(out, "margin") as kept:
+    with journal_beside(out, "margin") as kept:
         found = margins.find(s, knob, target_rate, seeds, workers, book=kept)
         curve = pd.DataFrame([vars(p) for p in found.points])
         data = found.as_dict() | {"sentence": margins.sentence(found)}

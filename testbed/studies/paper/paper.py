@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from testbed.campaigns.engine import Notebook, fly_all, notebook
+from testbed.campaigns.engine import fly_all
+from testbed.campaigns.journal import Journal, journal_beside
 from testbed.claims.registry import GOAL, QP_FEASIBILITY, SAFE_SET, SEPARATION
 from testbed.errors import UserError
 from testbed.records.store import check_free, staged, write_json
@@ -73,7 +74,7 @@ def make(
             elif name == "onset":
                 _onset(book, folder, tuple(overrides), workers)
             else:
-                with notebook(out, "kink") as kept:
+                with journal_beside(out, "kink") as kept:
                     _kink(book, folder, kept, tuple(overrides), seeds, workers)
         book.files += ["figures.json"]
         write_json(folder / "figures.json", {"files": book.files, "tables": book.tables})
@@ -143,7 +144,7 @@ def _onset(book: Book, folder: Path, overrides: tuple[str, ...], workers: int | 
 
 
 def _kink(
-    book: Book, folder: Path, kept: Notebook, overrides: tuple[str, ...], seeds: int, workers: int | None
+    book: Book, folder: Path, kept: Journal, overrides: tuple[str, ...], seeds: int, workers: int | None
 ) -> None:
     from testbed.studies.kink import figures
 

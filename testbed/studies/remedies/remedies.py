@@ -6,23 +6,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbed.campaigns.engine import Notebook
+from testbed.campaigns.engine import fly_rows
+from testbed.campaigns.job import Job
+from testbed.campaigns.journal import Journal
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import rate
-from testbed.studies.common.measure import Fields, Job, keys, measure, override, said
+from testbed.studies.common.measure import Fields, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 def compare(
-    s: Scenario, remedies: dict[str, Fields], seeds: range, book: Notebook, workers: int | None = None
+    s: Scenario, remedies: dict[str, Fields], seeds: range, book: Journal, workers: int | None = None
 ) -> pd.DataFrame:
     """One row per remedy and seed; what `book` has is not flown again."""
     import pandas as pd
 
     jobs = [Job(name, override(s, fields), seed) for name, fields in remedies.items() for seed in seeds]
-    rows = book.fly(measure, jobs, keys(jobs), workers, said)
+    rows = fly_rows(measure, jobs, keys(jobs), book, workers, said)
     return pd.DataFrame(
         [row | {"remedy": job.label, "seed": job.seed} for row, job in zip(rows, jobs, strict=True)]
     )

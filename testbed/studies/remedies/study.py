@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from testbed.campaigns import named_remedies
-from testbed.campaigns.engine import notebook
+from testbed.campaigns.journal import journal_beside
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError, nearest
 from testbed.records.store import check_free, write_json
@@ -38,7 +38,7 @@ def compare(
     if unknown := [name for name in only if name not in known]:
         raise UserError(f"--only {unknown[0]!r}: unknown remedy; {nearest(unknown[0], known)}")
     chosen = {name: known[name] for name in (only or known)}
-    with notebook(out, "remedies") as kept:
+    with journal_beside(out, "remedies") as kept:
         runs = remedies.compare(s, chosen, seeds, kept, workers)
         table = remedies.table(runs, _straight(s))
         with reported(out, page.part, overwrite) as folder:

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.campaigns.engine import Notebook, fly_all
+from testbed.campaigns.engine import fly_all
+from testbed.campaigns.journal import Journal
 from testbed.errors import UserError
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
@@ -90,7 +91,7 @@ def search(job: Search) -> dict[str, Any]:
     from aircraft.jsbsim.errors import FdmError
 
     base = load(job.airframe).with_gains(dict(job.base))
-    book = Notebook(job.memory)
+    book = Journal(job.memory)
     best, spent = dict(job.base), 0
     rng = np.random.default_rng(job.seed)
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from testbed.campaigns.engine import Notebook, notebook
+from testbed.campaigns.engine import fly_rows
+from testbed.campaigns.journal import Journal, journal_beside
 from testbed.errors import UserError
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
@@ -79,7 +80,7 @@ def sweep(
             raise UserError(f"--sweep: gains.{faults[0]}")
     prepared = _fields(scenario) if scenario is not None else None
     with (
-        notebook(out, f"tune-{fingerprint(airframe)}") as book,
+        journal_beside(out, f"tune-{fingerprint(airframe)}") as book,
         reported(out, page.part, overwrite) as folder,
     ):
         (folder / "gains").mkdir()
@@ -109,7 +110,7 @@ def sweep(
 
 
 def _flown(
-    points: Sequence[Point], prepared: Mapping[str, Any] | None, book: Notebook, workers: int | None
+    points: Sequence[Point], prepared: Mapping[str, Any] | None, book: Journal, workers: int | None
 ) -> list[dict[str, Any]]:
     """Rows of the points in order, those of an interrupted sweep taken from the notebook."""
 
@@ -119,7 +120,7 @@ def _flown(
         gains = ", ".join(f"{name} {value:.4g}" for name, value in p.gains)
         return gains + (f": {row['min_distance_m']:.2f} m" if "min_distance_m" in row else "")
 
-    return book.fly(measure, points, keys, workers, said)
+    return fly_rows(measure, points, keys, book, workers, said)
 
 
 def _frame(rows: list[dict[str, Any]], sweeps: Sequence[Sweep]) -> pd.DataFrame:
