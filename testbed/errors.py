@@ -42,3 +42,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     more = len(known) - LISTED
     between = "; " if any("," in name for name in known) else ", "
     return "known: " + between.join(known[:LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+class NoteWarning(UserWarning):
+    """What a person should know although it is no mistake, in one line."""

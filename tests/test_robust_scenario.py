@@ -167,7 +167,11 @@ REFUSED = {
         "remedy.predict_lags=true",
     ): "remedy.predict_lags: needs one evading",
     ("barrier.kind=euclidean", "remedy.derate_speed=0.9"): "remedy.derate_speed: a 'euclidean' barrier",
-    ("lags.v_delay_s=-1",): "lags.v_delay_s: input should be greater than or equal to 0",
+    (
+        "plant=lagged",
+        "lags.source=table",
+        "lags.v_delay_s=-1",
+    ): "lags.v_delay_s: input should be greater",
 }
 
 

@@ -107,7 +107,7 @@ def test_it_agrees_with_aircraft(airframe: str, overrides: list[str], more: set[
         pytest.param(["barrier.form=squared", "alpha.kind=linear"], set(), id="squared"),
         pytest.param(["alpha.kind=odd-polynomial", "alpha.coefficients=[0.3, 0.02]"], set(), id="alpha"),
         pytest.param(["filter.kind=none"], set(), id="no filter"),
-        pytest.param(["nominal.controller=manoeuvre"], set(), id="gamma"),
+        pytest.param(['nominal={controller="manoeuvre"}'], set(), id="gamma"),
         pytest.param(["nominal.delay_steps=2"], set(), id="old u_hat"),
         pytest.param(["vehicles=1"], set(), id="one"),
         pytest.param(["duration_s=0"], set(), id="at once"),

@@ -12,8 +12,8 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from aircraft.textfile import parse_toml, read_toml
 from testbed.claims.registry import JUDGED, SEPARATION, START_SAFE
 from testbed.errors import UserError, nearest, short
-from testbed.scenario.scenario import explain
-from testbed.scenario.tables import Name, Section
+from testbed.scenario.explain import explain
+from testbed.scenario.fields import Name, Section
 
 SCHEMA_VERSION = 1
 MOST_RUNS = 1_000_000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from testbed.scenario.barrier import Turn
 from testbed.scenario.scenario import Scenario
 
 Fields = dict[str, Any]
@@ -11,7 +12,7 @@ Fields = dict[str, Any]
 
 def catalogue(s: Scenario) -> dict[str, Fields]:
     """Remedies worth comparing: label -> fields of the scenario. The scenario's own is the first."""
-    smooth: Fields = {"remedy.smoothing_m2": 30.0} if s.barrier.kind == "turn" and not s.barrier.pairs else {}
+    smooth: Fields = {"remedy.smoothing_m2": 30.0} if isinstance(s.barrier, Turn) else {}
     turns = s.barrier.kind in ("turn", "rollout")
     prediction: Fields = {"remedy.prediction_s": 0.45}
     lags: Fields = {"remedy.predict_lags": True}

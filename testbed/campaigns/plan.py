@@ -15,7 +15,9 @@ from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
 from testbed.errors import UserError, nearest, short
 from testbed.scenario import scenario
-from testbed.scenario.scenario import Scenario, assign, field_path
+from testbed.scenario.overrides import assign
+from testbed.scenario.scenario import Scenario, field_path
+from testbed.scenario.variants import Variants
 
 Fields = dict[tuple[str, ...], Any]
 
@@ -67,7 +69,8 @@ class Plan:
 
     def data(self, run: Planned) -> dict[str, Any]:
         """The run's scenario as plain data."""
-        return _resolved(self.cells[run.cell].data, run.draws, run.seed).model_dump(mode="json")
+        data = _with(self.cells[run.cell].data, run.draws, run.seed)
+        return scenario.settled(data, self.campaign.name)[0].model_dump(mode="json")
 
 
 def base(campaign: Campaign, folder: Path) -> Scenario:
@@ -75,10 +78,13 @@ def base(campaign: Campaign, folder: Path) -> Scenario:
     source = campaign.scenario
     if Path(source).suffix == ".toml":
         source = str(folder / source)
-    data = scenario.load(source).model_dump(mode="json")
-    for name, value in campaign.set.items():
-        assign(data, _path(name, "set"), value)
-    return scenario.parse(data, "set" if campaign.set else source)
+    data = scenario.parse(scenario.read(source), source, keep_idle=True).model_dump(mode="json")
+    asked = [_path(name, "set") for name in campaign.set]
+    for path, value in zip(asked, campaign.set.values(), strict=True):
+        assign(data, path, value)
+    # What has an effect in no cell is refused when all are known.
+    data = scenario.without_foreign(data, asked)[0]
+    return scenario.parse(data, "set" if campaign.set else source, keep_idle=True)
 
 
 def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan:
@@ -96,7 +102,7 @@ def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan
     if count > MOST_RUNS:
         raise UserError(f"{campaign.name}: {count} runs are more than {MOST_RUNS}; thin an axis or the seeds")
     code, hashes = code or code_id(), AirframeHashes()
-    cells, runs = [], []
+    cells, runs, variants = [], [], Variants()
     for number, chosen in enumerate(itertools.product(*(o.items() for o in axes.values()))):
         parameters = dict(zip(axes, (label for label, _ in chosen), strict=True))
         fields = dict(pair for _, fields in chosen for pair in fields.items())
@@ -107,10 +113,11 @@ def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan
             draws = {path: draw(d, seed, path) for path, d in drawn.items()}
             if seed == seeds[0] or draws:
                 where = _said(parameters | ({"seed": seed} if draws else {}), campaign.name)
-                s = _resolved(data, draws, seed, where)
+                s = variants.add(_with(data, draws, seed), where)
                 content, own = s.model_dump(mode="json"), hashes.of(s)
             run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own])
             runs.append(Planned(run, number, seed, draws))
+    variants.refuse(campaign.name)
     return Plan(campaign, start, code, cells, runs)
 
 
@@ -150,7 +157,7 @@ def _cell_data(
         return data
     name = parameters["remedy"]
     where = _said({axis: v for axis, v in parameters.items() if axis != "remedy"}, campaign.name)
-    known = named_remedies.catalogue(scenario.parse(data, where))
+    known = named_remedies.catalogue(scenario.settled(data, where)[0])
     if name not in known:
         raise UserError(f"{where}: remedies: {name!r} is unknown; {nearest(name, known)}")
     for dotted, value in known[name].items():
@@ -165,11 +172,12 @@ def _said(parameters: dict[str, Any], *before: str) -> str:
     return ", ".join([*before, *(f"{axis} {short(str(value))}" for axis, value in parameters.items())])
 
 
-def _resolved(data: dict[str, Any], draws: dict[str, Any], seed: int, where: str = "campaign") -> Scenario:
+def _with(data: dict[str, Any], draws: dict[str, Any], seed: int) -> dict[str, Any]:
+    """A cell's plain data with what one run draws."""
     made = copy.deepcopy(data) | {"seed": seed}
     for path, value in draws.items():
         assign(made, tuple(path.split(".")), value)
-    return scenario.parse(made, where)
+    return made
 
 
 def _path(name: str, where: str) -> tuple[str, ...]:

@@ -82,9 +82,11 @@ def show_study(found: Found, as_json: bool) -> None:
 def scenario_of(source: str, overrides: list[str] | None, seed: int | None, plant: str | None) -> Scenario:
     from testbed.scenario.scenario import load
 
-    extra = [f"seed={seed}"] if seed is not None else []
-    extra += [f"plant={plant}"] if plant is not None else []
-    return load(source, (overrides or []) + extra)
+    return load(source, [*with_seed(overrides, seed), *([f"plant={plant}"] if plant is not None else [])])
+
+
+def with_seed(overrides: list[str] | None, seed: int | None) -> list[str]:
+    return [*(overrides or []), *([f"seed={seed}"] if seed is not None else [])]
 
 
 def fly_into(s: Scenario, where: Path, force: bool, overwrite: bool) -> Run:

@@ -27,6 +27,7 @@ from testbed.cli.common import (
     show,
     show_named,
     show_study,
+    with_seed,
 )
 from testbed.cli.interrupts import ending
 from testbed.errors import UserError
@@ -122,21 +123,23 @@ def compare(
             raise UserError("--seed: the ladder flies seeds from 1; say how many with --seeds")
         if force or not report:
             raise UserError("--force and --no-report: the ladder has neither; leave them out")
+        from testbed.scenario.variants import load_base
         from testbed.studies.ladder.study import ladder as climb
 
-        s = scenario_of(scenario, set_, seed, None)
+        s = load_base(scenario, set_)
         where = out or Path("runs") / f"{s.name}-ladder"
         show_study(climb(s, count(20 if seeds is None else seeds), where, workers, overwrite), as_json)
         return
     if seeds is not None:
         raise UserError("--seeds: only --ladder flies several; --seed N is one run's")
     from testbed.report.tables import scorecard
+    from testbed.scenario.variants import load_each
     from testbed.studies.comparison.comparison import compare as fly_all
 
     names = [p.strip() for p in (plants or "unicycle,jsbsim").split(",") if p.strip()]
-    scenarios = {p: scenario_of(scenario, set_, seed, p) for p in names}
-    if not scenarios:
+    if not names:
         raise UserError("--plants: name at least one plant")
+    scenarios = load_each(scenario, with_seed(set_, seed), names)
     first = next(iter(scenarios.values()))
     where = out or Path("runs") / f"{first.name}-compare"
     with display() as bar:

@@ -27,6 +27,8 @@ from testbed.components import remedies
 from testbed.components.guidance import Constant, Guidance, NearIdentity
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
+from testbed.scenario import barrier as scenario_barrier
+from testbed.scenario import control
 from testbed.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -42,15 +44,7 @@ def limits(s: Scenario) -> Limits:
     return Limits(*(np.full(s.vehicles, v) for v in values))
 
 
-def _turn(s: Scenario) -> Barrier:
-    b = s.barrier
-    if b.pairs:
-        return PerPair(
-            tuple(
-                TurnBarrier(p.v_mps, radians(p.omega_degps), s.d_safe_m, b.delta_m2, form=b.form)
-                for p in b.pairs
-            )
-        )
+def _turn(b: scenario_barrier.Turn, s: Scenario) -> Barrier:
     return TurnBarrier(
         v=b.v_mps,
         omega=radians(b.omega_degps),
@@ -62,23 +56,29 @@ def _turn(s: Scenario) -> Barrier:
     )
 
 
-def _straight(s: Scenario) -> Barrier:
-    b = s.barrier
+def _pair_turns(b: scenario_barrier.PairTurns, s: Scenario) -> Barrier:
+    return PerPair(
+        tuple(
+            TurnBarrier(p.v_mps, radians(p.omega_degps), s.d_safe_m, b.delta_m2, form=b.form) for p in b.pairs
+        )
+    )
+
+
+def _straight(b: scenario_barrier.Straight, s: Scenario) -> Barrier:
     speeds = b.v_mps * (1.0 + b.speed_step * np.arange(1, s.vehicles + 1))
     return StraightBarrier(speeds, _per_vehicle(b.zeta_mps, s), s.d_safe_m, b.form)
 
 
-def _rollout(s: Scenario) -> Barrier:
+def _rollout(b: scenario_barrier.Rollout, s: Scenario) -> Barrier:
     from filters.barriers.rollout import RolloutBarrier
 
-    m = s.barrier.manoeuvres * (s.vehicles if len(s.barrier.manoeuvres) == 1 else 1)
+    m = b.manoeuvres * (s.vehicles if len(b.manoeuvres) == 1 else 1)
     v, omega, zeta = np.array([[q.v_mps, q.omega_degps, q.zeta_mps] for q in m]).T
-    return RolloutBarrier(Command(v, np.radians(omega), zeta), s.d_safe_m, form=s.barrier.form)
+    return RolloutBarrier(Command(v, np.radians(omega), zeta), s.d_safe_m, form=b.form)
 
 
-def _euclidean(s: Scenario) -> Barrier:
+def _euclidean(b: scenario_barrier.Euclidean, s: Scenario) -> Barrier:
     # The Euclidean distance needs no manoeuvre; a vehicle whose QP has no solution flies this turn.
-    b = s.barrier
     return EuclideanBarrier(s.d_safe_m, b.form, gamma=Command.of([b.v_mps, radians(b.omega_degps), 0.0]))
 
 
@@ -86,7 +86,13 @@ def _per_vehicle(values: float | list[float], s: Scenario) -> Array:
     return np.resize(np.asarray(values, dtype=float), s.vehicles)
 
 
-BARRIERS = {"turn": _turn, "straight": _straight, "rollout": _rollout, "euclidean": _euclidean}
+BARRIERS: dict[type, Callable[..., Barrier]] = {
+    scenario_barrier.Turn: _turn,
+    scenario_barrier.PairTurns: _pair_turns,
+    scenario_barrier.Straight: _straight,
+    scenario_barrier.Rollout: _rollout,
+    scenario_barrier.Euclidean: _euclidean,
+}
 
 
 def barrier(s: Scenario) -> Barrier:
@@ -95,7 +101,7 @@ def barrier(s: Scenario) -> Barrier:
     Raises UserError where the manoeuvre gives no barrier, such as two equal straight speeds.
     """
     try:
-        return BARRIERS[s.barrier.kind](s)
+        return BARRIERS[type(s.barrier)](s.barrier, s)
     except ValueError as error:
         raise UserError(f"barrier: {error}") from None
 
@@ -108,17 +114,19 @@ def alpha(s: Scenario) -> OddPolynomial:
 
 
 def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    said = s.filter
+    if said.kind not in ("centralised", "limited"):
+        raise ValueError(f"filter {said.kind!r} solves no QP")
     own = ForwardDifference(b, s.barrier.gradient_step) if s.barrier.gradient == "forward" else b
-    mode: Any = s.filter.kind
     made = CollisionFilter(
         own,
         alpha(s),
-        mode=mode,
+        mode=said.kind,
         shared=s.barrier.shared,
         margin=remedies.margin(s),
-        solver=s.filter.solver,
+        solver=said.solver,
     )
-    return Monitor(made) if s.filter.monitor else made
+    return Monitor(made) if said.monitor else made
 
 
 def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
@@ -173,14 +181,14 @@ def _fly_manoeuvre(s: Scenario, b: Barrier) -> Guidance:
     return Constant(gamma)
 
 
-NOMINALS: dict[str, Callable[[Scenario, Array, Barrier], Guidance]] = {
-    "near-identity": lambda s, goal, b: NearIdentity(goal, s.nominal.lookahead_m, s.nominal.gain_per_s),
-    "manoeuvre": lambda s, goal, b: _fly_manoeuvre(s, b),
+NOMINALS: dict[type, Callable[[Any, Scenario, Array, Barrier], Guidance]] = {
+    control.NearIdentity: lambda c, s, goal, b: NearIdentity(goal, c.lookahead_m, c.gain_per_s),
+    control.EvadingManoeuvre: lambda c, s, goal, b: _fly_manoeuvre(s, b),
 }
 
 
 def nominal(s: Scenario, goal: Array, b: Barrier) -> Guidance:
-    return NOMINALS[s.nominal.controller](s, goal, b)
+    return NOMINALS[type(s.nominal)](s.nominal, s, goal, b)
 
 
 def _unicycle(s: Scenario) -> Plant:
@@ -222,7 +230,7 @@ def disturbance(s: Scenario, rngs: dict[str, np.random.Generator]) -> Environmen
 def lags(s: Scenario) -> list[tuple[Lag, ...]]:
     """The lags of the channels, per vehicle or once for all: of the lagged plant, and for predictions."""
     if s.lags.source == "table" and s.plant != "jsbsim":
-        return [remedies.lag_table(s)]
+        return [remedies.lag_table(s.lags)]
     return [remedies.identified_lags(airframe, s.lags.limits) for airframe in airframes(s)]
 
 

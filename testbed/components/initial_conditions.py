@@ -6,6 +6,7 @@ import numpy as np
 
 from filters.model import Array, State
 from testbed.scenario.scenario import Scenario
+from testbed.scenario.start import Circle
 
 # Append only: a stream's position decides its numbers.
 STREAMS = ("start", "plant", "gust", "noise", "network", "other")
@@ -26,7 +27,7 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
     are added to them.
     """
     start, n = scenario.start, scenario.vehicles
-    if start.pattern == "circle":
+    if isinstance(start, Circle):
         angle = np.arange(n) * (2 * np.pi / n)
         x, y = start.radius_m * np.cos(angle + np.pi), start.radius_m * np.sin(angle + np.pi)
         theta = angle + np.radians(start.course_offset_deg)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from math import radians
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,7 +18,12 @@ from filters.wrappers.air_mass import AirMass
 from filters.wrappers.pose_prediction import Horizon, LaggedPose, Predicted
 from filters.wrappers.row_margins import BoundedError, InputToState, Sum
 from testbed.errors import UserError
+from testbed.scenario.barrier import Euclidean, Manoeuvre, Pair, PairTurns, Rollout, Straight, Turn
+from testbed.scenario.nonideal import TableLags
+from testbed.scenario.remedy import Remedy
 from testbed.scenario.scenario import Scenario
+
+Moved = TypeVar("Moved", Manoeuvre, Pair)
 
 
 def scenario(s: Scenario) -> Scenario:
@@ -25,20 +31,25 @@ def scenario(s: Scenario) -> Scenario:
     r, b = s.remedy, s.barrier
     if not (r.ds_buffer_m or r.smoothing_m2 or r.derate != 1.0 or r.derate_speed != 1.0):
         return s
-    turned = {"v_mps": b.v_mps * r.derate_speed, "omega_degps": b.omega_degps * r.derate}
-    manoeuvres, pairs = (
-        [
-            m.model_copy(update={"v_mps": m.v_mps * r.derate_speed, "omega_degps": m.omega_degps * r.derate})
-            for m in listed
-        ]
-        for listed in (b.manoeuvres, b.pairs)
-    )
-    changes = turned | {"manoeuvres": manoeuvres, "pairs": pairs}
+    changes: dict[str, Any]
+    match b:
+        case Rollout():
+            changes = {"manoeuvres": [_derated(m, r) for m in b.manoeuvres]}
+        case PairTurns():
+            changes = {"pairs": [_derated(m, r) for m in b.pairs]}
+        case Straight():
+            changes = {"v_mps": b.v_mps * r.derate_speed}
+        case Turn() | Euclidean():
+            changes = {"v_mps": b.v_mps * r.derate_speed, "omega_degps": b.omega_degps * r.derate}
     if r.smoothing_m2:
         changes |= {"smoothing_m2": r.smoothing_m2, "delta_m2": 0.0}
     return s.model_copy(
         update={"d_safe_m": s.d_safe_m + r.ds_buffer_m, "barrier": b.model_copy(update=changes)}
     )
+
+
+def _derated(m: Moved, r: Remedy) -> Moved:
+    return m.model_copy(update={"v_mps": m.v_mps * r.derate_speed, "omega_degps": m.omega_degps * r.derate})
 
 
 def margin(s: Scenario) -> Margin | None:
@@ -81,9 +92,8 @@ def wrap(
     return made
 
 
-def lag_table(s: Scenario) -> tuple[Lag, Lag, Lag]:
+def lag_table(t: TableLags) -> tuple[Lag, Lag, Lag]:
     """The lags of v, omega and zeta as the numbers of the scenario's [lags] table say."""
-    t = s.lags
 
     def limit(most: float | None) -> float:
         return math.inf if most is None or not t.limits else most

@@ -23,11 +23,12 @@ from testbed.records.checksums import plain, read_json, seal, sealed, sha256
 from testbed.records.locking import PathLock
 from testbed.records.run import Columns, Run
 from testbed.records.verdict import Verdict
-from testbed.scenario.scenario import SCHEMA_VERSION
 
 if TYPE_CHECKING:
     import pandas as pd
 
+# Of run folders. The scenario in a manifest has a schema of its own, and older ones are read.
+SCHEMA_VERSION = 1
 MANIFEST, GUARANTEES, TIMING = "manifest.json", "guarantees.json", "timing.json"
 # What a folder written by this program holds, of which it may be replaced.
 MARKS = (

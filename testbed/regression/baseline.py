@@ -15,7 +15,8 @@ import numpy as np
 from testbed.errors import UserError, nearest
 from testbed.records.checksums import plain
 from testbed.regression.quantities import Quantity, quantities
-from testbed.scenario.scenario import Scenario, builtin, load, parse
+from testbed.scenario.scenario import Scenario, builtin, parse
+from testbed.scenario.variants import load_base
 from testbed.studies.common.measure import Fields, default_starts
 
 SCHEMA_VERSION = 1
@@ -101,7 +102,7 @@ def scenario_of(source: str, overrides: list[str], where: Path | None = None) ->
         if (field := item.partition("=")[0].strip()) in ("plant", "seed"):
             raise UserError(f"--set {field}: a baseline sets it itself; see --rungs and --block")
     path = source if where is None or source in builtin() else str(where / source)
-    s = default_starts(load(path, overrides))
+    s = default_starts(load_base(path, overrides))
     return s.model_copy(update={"plant": "unicycle", "seed": 0})
 
 
@@ -144,7 +145,7 @@ def parse_file(path: Path) -> Baseline:
                 f"{path} has schema version {version}, this program reads {SCHEMA_VERSION};"
                 f" {_again(path.stem)}"
             )
-        s = parse(data["scenario"]["flown"], str(path))
+        s = parse(data["scenario"]["flown"], str(path), keep_idle=True)
         seeds, blocks = data["seeds"]["in_a_block"], data["seeds"]["blocks"]
         names, rungs = [q.name for q in quantities(s)], data["rungs"]
         table = {rung: data["quantities"][rung] for rung in rungs}

@@ -134,13 +134,14 @@ def gamma(scenario: Mapping[str, Any]) -> dict[str, Any]:
     kind "none" where h is about the distance now.
     """
     from testbed.components import catalogue
+    from testbed.scenario.barrier import PairTurns
     from testbed.scenario.scenario import parse
 
     # What a run was called is not at stake here, and may break today's rules for names.
-    s = parse(dict(scenario) | {"name": "x"})
+    s = parse(dict(scenario) | {"name": "x"}, keep_idle=True)
     if s.barrier.kind == "euclidean":
         return {"kind": "none"}
-    if s.barrier.pairs:
+    if isinstance(s.barrier, PairTurns):
         each = {f"{p.i}-{p.j}": [p.v_mps, np.radians(p.omega_degps), 0.0] for p in s.barrier.pairs}
         return {"kind": "pairs", "pairs": each}
     shared = catalogue.barrier(s).manoeuvre(s.vehicles)

@@ -55,10 +55,11 @@ def listing(title: str, scenario: Mapping[str, Any]) -> Listing:
 
 def changed(scenarios: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Dotted field -> value in each scenario, where it is no default or they differ."""
-    from testbed.scenario.scenario import Scenario
+    from testbed.scenario.defaults import defaults
 
     flat = {label: _flat(s) for label, s in scenarios.items()}
-    usual = _flat(Scenario(name="x", vehicles=1).model_dump(mode="json"))
+    usual = {path: value for s in scenarios.values() for path, value in defaults(s).items()}
+    usual |= {"name": "x", "vehicles": 1}
     fields = dict.fromkeys(f for of in flat.values() for f in of)
     rows = []
     for field in fields:

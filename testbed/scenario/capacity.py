@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import TYPE_CHECKING
 
 from testbed.errors import UserError
-
-if TYPE_CHECKING:
-    from testbed.scenario.scenario import Scenario
+from testbed.scenario.contents import Contents
 
 # More than a desktop has to spare, and more rows than a disk.
 MOST_BYTES = 8e9
@@ -19,7 +16,7 @@ MOST_ROWS_IN_MEMORY = 5e7
 WIND_PERIOD_S = 0.05
 
 
-def check(s: Scenario) -> None:
+def check(s: Contents) -> None:
     """ValueError naming the field that makes the run too large, and what to write instead."""
     n, rates = s.vehicles, s.rates
     pairs = n * (n - 1) // 2
@@ -41,7 +38,7 @@ def check(s: Scenario) -> None:
         )
 
 
-def check_in_memory(s: Scenario) -> None:
+def check_in_memory(s: Contents) -> None:
     """UserError for a run whose tables are too large to be kept in memory."""
     if records(s) > MOST_ROWS_IN_MEMORY:
         raise UserError(
@@ -49,7 +46,7 @@ def check_in_memory(s: Scenario) -> None:
         )
 
 
-def records(s: Scenario) -> int:
+def records(s: Contents) -> int:
     """Rows of both tables."""
     return (s.filter_steps // s.rates.record_steps + 1) * (s.vehicles * (s.vehicles + 1) // 2)
 

@@ -1,12 +1,13 @@
-"""The tables of a scenario file in which the world departs from the paper's, and what is done about it."""
+"""The tables of what departs from the paper's world: [wind], [gusts], [sensing], [network], [lags]."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from testbed.scenario.tables import Barrier, Filter, NonNegative, Positive, Section
+from testbed.scenario.fields import NonNegative, Positive, Section
+from testbed.scenario.kinds import Kinds
 
 
 class Wind(Section):
@@ -100,14 +101,20 @@ class Network(Section):
     )
 
 
-class Lags(Section):
-    """How the lagged plant follows its commands: per channel a delay, a first-order lag and a rate limit."""
-
-    source: Literal["airframe", "table"] = Field(
-        default="airframe",
-        description="airframe: what was identified on each vehicle's airframe; table: the numbers below",
-    )
+class _Lags(Section):
     limits: bool = Field(default=True, description="false: without the rate limits")
+
+
+class AirframeLags(_Lags):
+    """What was identified on each vehicle's airframe."""
+
+    source: Literal["airframe"] = "airframe"
+
+
+class TableLags(_Lags):
+    """The numbers below, per channel a delay, a first-order lag and a rate limit."""
+
+    source: Literal["table"]
     v_time_constant_s: NonNegative | None = Field(default=None, description="absent: 1")
     v_delay_s: NonNegative = 0.0
     v_rise_max_mps2: Positive | None = Field(default=None, description="absent: no limit")
@@ -119,80 +126,15 @@ class Lags(Section):
     zeta_delay_s: NonNegative = 0.0
     zeta_change_max_mps2: Positive | None = Field(default=None, description="absent: no limit")
 
-    @model_validator(mode="after")
-    def one_source(self) -> Lags:
-        for name, field in type(self).model_fields.items():
-            if name in ("source", "limits") or self.source == "table":
-                continue
-            if getattr(self, name) != field.default:
-                raise ValueError(f'{name}: the airframe says how it lags; set lags.source = "table" too')
-        return self
 
-
-Share = Annotated[float, Field(gt=0, le=1)]
-
-
-class Remedy(Section):
-    """What the filter does about vehicles that are no unicycles. Verdicts never see any of it.
-
-    In this order: the filter's barrier is built with a larger Ds, a derated manoeuvre or smoothing; its rows
-    get margins; it looks at predicted poses; all of that in the frame of the air.
-    """
-
-    ds_buffer_m: NonNegative = Field(default=0.0, description="the filter keeps Ds and this")
-    derate: Share = Field(default=1.0, description="the filter's gamma turns at this share of its turn rate")
-    derate_speed: Share = Field(default=1.0, description="and flies at this share of its speed")
-    smoothing_m2: NonNegative = Field(
-        default=0.0, description="turn: eps of the filter's barrier, with delta 0; 30 is recommended"
-    )
-    robust_v_mps: NonNegative = Field(default=0.0, description="bound of |achieved - commanded| in the rows")
-    robust_omega_degps: NonNegative = 0.0
-    robust_zeta_mps: NonNegative = 0.0
-    issf_epsilon: Positive | None = Field(
-        default=None, description="m/s (m^2/s for a squared h): rows raised by |W L_g h|^2 / epsilon"
-    )
-    issf_v_mps: NonNegative = Field(default=1.0, description="W: errors of comparable weight")
-    issf_omega_degps: NonNegative = 2.0
-    issf_zeta_mps: NonNegative = 1.0
-    prediction_s: Annotated[float, Field(ge=0, le=10)] = Field(
-        default=0.0, description="poses advanced by so long at the measured rates"
-    )
-    predict_lags: bool = Field(
-        default=False,
-        description="poses predicted by each channel's lag: the airframe's identified one, or of [lags]",
-    )
-    air_mass: bool = Field(default=False, description="filter in the frame of the steady wind, then known")
-
-    @model_validator(mode="after")
-    def complete(self) -> Remedy:
-        if self.prediction_s and self.predict_lags:
-            raise ValueError("prediction_s and predict_lags both predict the pose; set one of them")
-        scales = ("issf_v_mps", "issf_omega_degps", "issf_zeta_mps")
-        if self.issf_epsilon is None:
-            for name in scales:
-                if getattr(self, name) != type(self).model_fields[name].default:
-                    raise ValueError(f"{name}: has no effect without issf_epsilon")
-        elif not any(getattr(self, name) for name in scales):
-            raise ValueError("issf_epsilon: needs a scale above 0, such as issf_omega_degps = 2")
-        return self
-
-    @property
-    def chosen(self) -> list[str]:
-        """The fields that say something other than "off"."""
-        return [name for name, f in type(self).model_fields.items() if getattr(self, name) != f.default]
-
-    def check(self, filter_: Filter, barrier: Barrier) -> None:
-        """Raises ValueError naming the first remedy that this filter or barrier cannot take."""
-        for name in self.chosen:
-            if filter_.kind == "none" or (filter_.kind == "navigation" and name != "prediction_s"):
-                raise ValueError(f"remedy.{name}: filter '{filter_.kind}' cannot take it")
-            if filter_.monitor and name not in ("ds_buffer_m", "derate", "derate_speed", "smoothing_m2"):
-                raise ValueError(f"remedy.{name}: filter.monitor checks the paper's own QPs; set it to false")
-            if name == "smoothing_m2" and (barrier.kind != "turn" or barrier.pairs):
-                raise ValueError("remedy.smoothing_m2: only a turn barrier shared by all pairs has smoothing")
-            if name == "derate" and barrier.kind not in ("turn", "rollout"):
-                raise ValueError(f"remedy.derate: a '{barrier.kind}' barrier has no turn; try derate_speed")
-            if name == "derate_speed" and barrier.kind == "euclidean":
-                raise ValueError("remedy.derate_speed: a 'euclidean' barrier has no manoeuvre")
-            if name == "predict_lags" and (barrier.pairs or barrier.kind == "euclidean"):
-                raise ValueError("remedy.predict_lags: needs one evading manoeuvre, that of the barrier")
+LAGS = Kinds(
+    "source",
+    "airframe",
+    {"airframe": AirframeLags, "table": TableLags},
+    {"airframe": "lags that the airframe says", "table": "lags that the table says"},
+)
+Lags = Annotated[
+    Annotated[AirframeLags, Tag("airframe")] | Annotated[TableLags, Tag("table")],
+    Discriminator(LAGS.tag),
+    BeforeValidator(LAGS.settled),
+]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from testbed.scenario.contents import KINDS
 from testbed.scenario.scenario import Scenario, builtin
 
 TITLE = "# Scenario files"
@@ -22,6 +23,15 @@ vehicles = 2
 path or, where that is unambiguous, by its last part: `--set start.radius_m=100`, `--set radius_m=100`.
 Values are TOML, lists and tables included: `--set 'airframes=["x8", "rascal"]'`.
 
+A field that would have no effect is refused, with what would take it: `sigma` on a straight barrier,
+airframes on unicycles, `monitor` where no QP is solved. A field at its default says nothing and is never
+refused. Where `--set` or `--plant` changes a kind, what the file said for the old kind is left out, with a
+note. Where the program makes the change (`compare`, the ladder, the cells of a campaign), a field is left out
+of the runs in which it has no effect, and refused if it has none in any of them.
+
+This is schema version 2. A file that says `schema_version = 1` is read as it was meant: what had no effect in
+it is left out.
+
 This page is written by `testbed schema --markdown`; `testbed schema` prints the same as JSON Schema, for
 editors."""
 
@@ -31,29 +41,51 @@ def markdown() -> str:
     schema = Scenario.model_json_schema()
     known = schema["$defs"]
     parts = [TITLE, PREFACE, "## The scenario itself", schema["description"].splitlines()[0]]
-    sections = {name: field for name, field in schema["properties"].items() if _reference(field) in known}
-    own = {name: field for name, field in schema["properties"].items() if name not in sections}
+    tables = {name: _models(name, field, known) for name, field in schema["properties"].items()}
+    own = {name: field for name, field in schema["properties"].items() if not tables[name]}
     parts.append(_table(own, schema.get("required", []), known))
     shown: list[str] = []
-    for name, field in sections.items():
-        model = known[_reference(field)]
-        parts += [
-            f"## `[{name}]`",
-            _sentence(model),
-            _table(model["properties"], model.get("required", []), known),
-        ]
-        for inner in _items(model["properties"]):
-            if inner not in shown:
-                shown.append(inner)
-                entry = known[inner]
-                parts += [
-                    f"### {inner.lower()}: an entry of a list above",
-                    _sentence(entry),
-                    _table(entry["properties"], entry.get("required", []), known),
-                ]
+    for name, models in tables.items():
+        if not models:
+            continue
+        parts.append(f"## `[{name}]`")
+        parts += _kinds(name, models, known) if name in KINDS else _one(models[0], known)
+        for model in models:
+            for inner in _items(model["properties"]):
+                if inner not in shown:
+                    shown.append(inner)
+                    parts += [f"### {inner.lower()}: an entry of a list above", *_one(known[inner], known)]
     example = builtin()["paper-20-turn"].strip()
     parts += ["## An example", "The built-in `paper-20-turn`:", f"```toml\n{example}\n```"]
     return "\n\n".join(parts) + "\n"
+
+
+def _models(name: str, field: dict[str, Any], known: dict[str, Any]) -> list[dict[str, Any]]:
+    """The schemas of a table's kinds, or of the one table; none for what is no table."""
+    if name in KINDS:
+        return [known[model.__name__] for model in KINDS[name].models.values()]
+    return [known[_reference(field)]] if _reference(field) in known else []
+
+
+def _one(model: dict[str, Any], known: dict[str, Any]) -> list[str]:
+    return [_sentence(model), _table(model["properties"], model.get("required", []), known)]
+
+
+def _kinds(name: str, models: list[dict[str, Any]], known: dict[str, Any]) -> list[str]:
+    """What says the kind, what every kind takes, and what each takes besides."""
+    kinds = KINDS[name]
+    every = [f for f in models[0]["properties"] if all(f in m["properties"] for m in models)]
+    common = {f: models[0]["properties"][f] for f in every if f != kinds.key}
+    values = list(dict.fromkeys(tag.partition(", ")[0] for tag in kinds.models))
+    said = {kinds.key: {"enum": values, "default": kinds.default, "description": "the kind"}}
+    parts = ["Every kind takes:", _table(said | common, [], known)]
+    for tag, model in zip(kinds.models, models, strict=True):
+        kind, _, second = tag.partition(", ")
+        fields = {f: v for f, v in model["properties"].items() if f not in every}
+        more = _table(fields, model.get("required", []), known) if fields else ""
+        title = f'{kinds.key} = "{kind}"' + (f", {second}" if second else "")
+        parts += [f"### `[{name}]` with `{title}`", _sentence(model), *([more] if more else [])]
+    return parts
 
 
 def _sentence(model: dict[str, Any]) -> str:

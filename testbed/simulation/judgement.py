@@ -19,7 +19,8 @@ from testbed.components.initial_conditions import generators
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.solo_time import solo_time
 from testbed.records.run import Run
-from testbed.scenario.scenario import SCHEMA_VERSION, Scenario
+from testbed.records.store import SCHEMA_VERSION
+from testbed.scenario.scenario import Scenario
 from testbed.simulation.assembly import Assembled, Setting
 
 

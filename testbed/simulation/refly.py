@@ -34,7 +34,7 @@ def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
     if parts := manifest.get("parts"):
         words = ", ".join(f"{what} {whose}" for what, whose in sorted(parts.items()))
         return [Finding("flown again", "a run", "not flown", None, None, f"it had parts of its own: {words}")]
-    s = parse(manifest["scenario"], f"{folder / 'manifest.json'}: scenario")
+    s = parse(manifest["scenario"], f"{folder / 'manifest.json'}: scenario", keep_idle=True)
     other = _other_versions(manifest, catalogue.versions() | catalogue.airframe_hashes(s))
     with tempfile.TemporaryDirectory() as place:
         again = Path(place) / "again"

@@ -69,7 +69,7 @@ def _entries(run: Recorded) -> Finding:
     claims = [*registry.PREMISES, *registry.GUARANTEES]
     if s["checks"]["manoeuvre_instants"] and not run.ended:
         claims.append(registry.MANOEUVRE_KEEPS_DS)
-    if s["filter"]["monitor"] and "filter" not in run.parts and s["filter"]["kind"] in SOLVING:
+    if s["filter"].get("monitor") and "filter" not in run.parts and s["filter"]["kind"] in SOLVING:
         claims += MONITORED
     due = {claim.id: claim.number for claim in claims}
     said = [(e["id"], e["number"]) for e in run.entries]

@@ -192,7 +192,7 @@ def future(s: dict[str, Any], i: Array, j: Array) -> Future | None:
     b, n = s["barrier"], s["vehicles"]
     kind, zero = b["kind"], np.zeros(n)
     delta = smoothing = 0.0
-    if kind == "turn" and b["pairs"]:  # each has its own; the pairs are all there are, in order
+    if kind == "turn" and b.get("pairs"):  # each has its own; the pairs are all there are, in order
         speed_i = speed_j = np.array([p["v_mps"] for p in b["pairs"]])
         rate = np.radians([p["omega_degps"] for p in b["pairs"]])
         return Future(
@@ -221,6 +221,8 @@ def manoeuvre(s: dict[str, Any]) -> Array:
     if b["kind"] == "rollout":
         listed = [(m["v_mps"], radians(m["omega_degps"]), m["zeta_mps"]) for m in b["manoeuvres"]]
         return np.array([listed[k % len(listed)] for k in range(n)])
+    if b.get("pairs"):  # nobody has one for all others
+        return gamma
     gamma[:, 0] = b["v_mps"]
     if b["kind"] == "straight":
         gamma[:, 0] *= 1.0 + b["speed_step"] * np.arange(1, n + 1)

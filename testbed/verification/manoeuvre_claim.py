@@ -24,7 +24,7 @@ def manoeuvre_keeps(pairs: Pairs | None, judge: Judge) -> Finding:
     """Promises are those of the recorded poses, the verdict is that of the numbers; see the module."""
     run, e = judge.run, judge.entry
     s = run.scenario
-    if not run.i.size or s["barrier"]["pairs"] or s["barrier"]["kind"] == "euclidean":
+    if not run.i.size or s["barrier"].get("pairs") or s["barrier"]["kind"] == "euclidean":
         return judge.nothing("no one manoeuvre")
     if pairs is None:
         return judge.done("unknown", None, True, "a manoeuvre that we do not fly")

@@ -75,7 +75,7 @@ def _values(rows: Rows, name: str) -> tuple[Array | None, Array | float, list[li
         off = np.sqrt((own.lie_off**2).sum(axis=(0, 1))) + 1e-12 * size
         return size, off, pair, np.abs(h) <= EDGE, np.abs(np.abs(h) - EDGE) <= h_off
     made = filters_own(s)
-    shared = not made["barrier"]["pairs"]
+    shared = not made["barrier"].get("pairs")
     if name.startswith("gamma_is_safe") and shared:
         gamma = manoeuvre(made)
         room = alpha(s, h)

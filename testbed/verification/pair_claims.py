@@ -139,7 +139,7 @@ class Pairs:
         _, most, off = self.reach
         # Theorem 2: gamma is an input that lets h not fall, where the limits allow it.
         b = self.s["barrier"]
-        theorem = b["shared"] and b["kind"] in ("turn", "straight")
+        theorem = not b.get("pairs") and b["kind"] in ("turn", "straight")
         theorem = theorem and inside(manoeuvre(self.s), *box(self.s)).min() >= 0.0
         seen = Values.of(
             self.run.t,
@@ -165,7 +165,7 @@ class Pairs:
 
     def _kink(self, judge: Judge) -> Finding:
         s, z, b = self.s, self.now.harmonic, self.s["barrier"]
-        if b["kind"] != "turn" or not b["shared"] or s["filter"]["kind"] not in SOLVING:
+        if b["kind"] != "turn" or b.get("pairs") or s["filter"]["kind"] not in SOLVING:
             return judge.nothing("no kink, or nothing binds")
         if b["smoothing_m2"] > 0:
             return judge.nothing("smoothed", judge.verdict(True))

@@ -40,14 +40,14 @@ def _start(judge: Judge, pairs: Pairs | None) -> Finding:
 
 
 def _shared(judge: Judge, pairs: Pairs | None) -> Finding:
-    shared = not judge.run.scenario["barrier"]["pairs"]
+    shared = not judge.run.scenario["barrier"].get("pairs")
     judge.expect("verdict", judge.entry["verdict"], judge.verdict(shared, Status.PREMISE_NOT_MET))
     return judge.done("one for all" if shared else "one a pair")
 
 
 def _inside(judge: Judge, pairs: Pairs | None) -> Finding:
     e, s = judge.entry, judge.run.scenario
-    if s["barrier"]["pairs"]:
+    if s["barrier"].get("pairs"):
         return judge.nothing("one a pair", Status.PREMISE_NOT_MET)
     share = inside(manoeuvre(s), *box(s))
     least = float(share.min())
@@ -64,7 +64,7 @@ def _inside(judge: Judge, pairs: Pairs | None) -> Finding:
 def _flyable(judge: Judge, pairs: Pairs | None) -> Finding:
     e, run = judge.entry, judge.run
     s = run.scenario
-    if s["barrier"]["pairs"]:
+    if s["barrier"].get("pairs"):
         judge.expect("verdict", e["verdict"], Status.PREMISE_NOT_MET)
         return judge.done("one a pair")
     if "plant" in run.parts:

@@ -106,10 +106,10 @@ def filters_own(s: Scenario) -> Scenario:
     r, b = s["remedy"], s["barrier"]
 
     def derated(m: Scenario) -> Scenario:
-        speed, turn = m["v_mps"] * r["derate_speed"], m["omega_degps"] * r["derate"]
-        return m | {"v_mps": speed, "omega_degps": turn}
+        share = {"v_mps": r["derate_speed"], "omega_degps": r["derate"]}
+        return m | {name: m[name] * of for name, of in share.items() if name in m}
 
-    b = derated(b) | {name: [derated(m) for m in b[name]] for name in ("pairs", "manoeuvres")}
+    b = derated(b) | {name: [derated(m) for m in b[name]] for name in ("pairs", "manoeuvres") if name in b}
     if r["smoothing_m2"]:
         b |= {"smoothing_m2": r["smoothing_m2"], "delta_m2": 0.0}
     return s | {"barrier": b, "d_safe_m": s["d_safe_m"] + r["ds_buffer_m"]}

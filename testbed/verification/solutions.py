@@ -39,7 +39,7 @@ def _statuses(rows: Rows) -> Finding:
     known += ["none"] if "filter" in run.parts else []
     odd = int((~np.isin(status, known)).sum())
     failed, lost = np.isin(status, FAILED), 0
-    if failed.any() and not s["barrier"]["pairs"] and not run.parts and not s["remedy"]["air_mass"]:
+    if failed.any() and not s["barrier"].get("pairs") and not run.parts and not s["remedy"]["air_mass"]:
         gamma = np.clip(manoeuvre(s), *box(s))
         lost = int((failed & (np.abs(run.command - gamma).max(axis=-1) > 1e-9)).sum())
     words = [f"{odd} are not {' or '.join(known)}"] if odd else []
@@ -103,7 +103,7 @@ def _asked(rows: Rows, side: int) -> Array:
 def _gamma(rows: Rows, vehicle: Array) -> Array:
     """gamma (P, 3) of one side of every pair."""
     made = filters_own(rows.s)
-    if not made["barrier"]["pairs"]:
+    if not made["barrier"].get("pairs"):
         return manoeuvre(made)[vehicle]
     return np.array([[p["v_mps"], np.radians(p["omega_degps"]), 0.0] for p in made["barrier"]["pairs"]])
 

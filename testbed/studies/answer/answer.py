@@ -5,14 +5,14 @@ Every row is one setting flown from common seeded starts; the verdict is separat
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
-from testbed.scenario.scenario import Scenario, load, parse
+from testbed.scenario.scenario import Scenario, load
+from testbed.scenario.variants import changed
 from testbed.statistics import rate
 from testbed.studies.common.measure import Fields, default_starts, keys, measure, override, said
 
@@ -56,23 +56,14 @@ def cases(airframes: Iterable[str], vehicles: Iterable[int]) -> dict[tuple[str, 
     for n in vehicles:
         name, *more = FLEETS[n]
         base = default_starts(load(name, [*COMMON, *more]))
-        unicycle = base.model_dump(mode="json") | {"plant": "unicycle"}
         for remedy in ("none", "smoothed"):
-            made["unicycle", n, "calm", remedy] = parse(_with(unicycle, REMEDIES[remedy]))
+            made["unicycle", n, "calm", remedy] = changed(base, {"plant": "unicycle"} | REMEDIES[remedy])
         for airframe in airframes:
-            aircraft = base.model_dump(mode="json") | {"plant": "jsbsim", "airframes": [airframe]}
+            aircraft: Fields = {"plant": "jsbsim", "airframes": [airframe]}
             for weather, air in WEATHER.items():
                 for remedy, fields in REMEDIES.items():
-                    made[airframe, n, weather, remedy] = parse(_with(aircraft, air | fields))
+                    made[airframe, n, weather, remedy] = changed(base, aircraft | air | fields)
     return made
-
-
-def _with(data: dict[str, Any], fields: Fields) -> dict[str, Any]:
-    made = json.loads(json.dumps(data))
-    for path, value in fields.items():
-        section, _, leaf = path.partition(".")
-        made[section][leaf] = value
-    return dict(made)
 
 
 def answer(

@@ -70,19 +70,11 @@ def override(s: Scenario, fields: Fields) -> str:
 
     Raises UserError where the scenario cannot have them: better now than as a run that could not start.
     """
-    from testbed.scenario.scenario import parse
+    from testbed.scenario.variants import changed
 
-    data = s.model_dump(mode="json")
-    for path, value in (fields | {"checks.manoeuvre_instants": 0}).items():
-        *parents, leaf = path.split(".")
-        target = data
-        for part in parents:
-            target = target[part]
-        target[leaf] = value
-    dt = data["rates"]["filter_dt_s"]
-    data["rates"]["record_dt_s"] = dt * max(1, round(1.0 / dt))
-    parse(data, s.name)
-    return json.dumps(data, sort_keys=True)
+    dt = fields.get("rates.filter_dt_s", s.rates.filter_dt_s)
+    thin = {"checks.manoeuvre_instants": 0, "rates.record_dt_s": dt * max(1, round(1.0 / dt))}
+    return json.dumps(changed(s, fields | thin).model_dump(mode="json"), sort_keys=True)
 
 
 def default_starts(s: Scenario) -> Scenario:

@@ -16,7 +16,7 @@ import numpy as np
 
 from filters.model import Array
 from testbed.errors import UserError
-from testbed.scenario.scenario import Scenario, parse
+from testbed.scenario.scenario import Scenario, settled
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class Space:
         if latency.any():
             whole = s.network.latency_s + latency[0] * self.bounds.latency_s
             data["network"]["latency_s"] = _tidy(whole)
-        return parse(data)
+        return settled(data)[0]
 
     def rounded(self, x: Array, digits: int) -> Array:
         """`x` with its departures, in their units, rounded to so many significant digits."""

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.claims.registry import SEPARATION
-from testbed.scenario.scenario import Scenario, load
+from testbed.scenario.scenario import Scenario
+from testbed.scenario.variants import changed, load_base
 from testbed.simulation.simulate import run
 from testbed.studies.common.measure import default_starts
 
@@ -33,7 +34,7 @@ def compare(airframe: str, lookahead_m: float, seed: int) -> dict[str, Any]:
     The channels' rms differences [m/s, deg/s, m/s] run from the start to the aircraft's closest approach.
     """
     fields = [*SETTINGS, f'airframes=["{airframe}"]', f"nominal.lookahead_m={lookahead_m}"]
-    base = load("paper-2-turn", fields)
+    base = load_base("paper-2-turn", fields)
     s = default_starts(base).model_copy(update={"seed": seed}) if seed else base
     aircraft, lagged = (_fly(s, plant) for plant in ("jsbsim", "lagged"))
     until = aircraft.guarantee(SEPARATION.id)["t_s"]
@@ -49,7 +50,7 @@ def compare(airframe: str, lookahead_m: float, seed: int) -> dict[str, Any]:
 
 
 def _fly(s: Scenario, plant: str) -> Any:
-    return run(s.model_copy(update={"plant": plant}), force=True)
+    return run(changed(s, {"plant": plant}), force=True)
 
 
 def table(airframes: list[str], starts: range = range(11)) -> pd.DataFrame:

@@ -1,0 +1,84 @@
+"""The fields and tables of a scenario, each checked alone."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from testbed.scenario.barrier import BARRIERS, Barrier, Turn
+from testbed.scenario.control import (
+    ALPHAS,
+    FILTERS,
+    NOMINALS,
+    Alpha,
+    Centralised,
+    Cubic,
+    Filter,
+    NearIdentity,
+    Nominal,
+)
+from testbed.scenario.fields import Name, Positive, Section
+from testbed.scenario.kinds import Kinds
+from testbed.scenario.nonideal import LAGS, AirframeLags, Gusts, Lags, Network, Sensing, Wind
+from testbed.scenario.remedy import Remedy
+from testbed.scenario.start import STARTS, Circle, Start
+from testbed.scenario.tables import Checks, InputSet, Navigation, Rates
+
+SCHEMA_VERSION: Literal[2] = 2
+
+
+# The tables that come in kinds.
+KINDS: dict[str, Kinds] = {
+    "start": STARTS,
+    "nominal": NOMINALS,
+    "filter": FILTERS,
+    "barrier": BARRIERS,
+    "alpha": ALPHAS,
+    "lags": LAGS,
+}
+
+
+class Contents(Section):
+    """What a scenario file may say; `Scenario` checks the fields against one another."""
+
+    schema_version: Literal[2] = Field(default=SCHEMA_VERSION, description="of this format")
+    name: Name = Field(description="of the run, in titles and folder names")
+    description: Annotated[str, Field(max_length=2000)] = Field(
+        default="", description="a sentence for people"
+    )
+    vehicles: Annotated[int, Field(ge=1, le=1000)] = Field(description="how many; counted from 1")
+    duration_s: Annotated[float, Field(ge=0, le=86400)] = Field(
+        default=20.0, description="flown time; a multiple of the filter period"
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
+        default=1, description="of everything random in the run"
+    )
+    plant: Literal["unicycle", "lagged", "jsbsim"] = Field(
+        default="unicycle",
+        description="unicycle: the paper's; lagged: with identified lags and limits; jsbsim: 6-DOF aircraft",
+    )
+    airframes: list[Annotated[str, Field(min_length=1, max_length=1000)]] = Field(
+        default=["x8"], min_length=1, max_length=1000, description="names or folders, repeated in turn"
+    )
+    d_safe_m: Positive = Field(default=5.0, description="Ds, the separation to keep")
+    goal_radius_m: Positive = Field(default=20.0, description="a goal counts as reached within it")
+    rates: Rates = Rates()
+    limits: InputSet = InputSet()
+    start: Start = Circle()
+    nominal: Nominal = NearIdentity()
+    filter: Filter = Centralised()
+    barrier: Barrier = Turn()
+    alpha: Alpha = Cubic()
+    navigation: Navigation = Navigation()
+    checks: Checks = Checks()
+    lags: Lags = AirframeLags()
+    remedy: Remedy = Remedy()
+    wind: Wind = Wind()
+    gusts: Gusts = Gusts()
+    sensing: Sensing = Sensing()
+    network: Network = Network()
+
+    @property
+    def filter_steps(self) -> int:
+        return round(self.duration_s / self.rates.filter_dt_s)

@@ -1,0 +1,139 @@
+"""The [nominal], [filter] and [alpha] tables: guidance, the filter that alters it, the class-K function."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from testbed.scenario.fields import Divisor, NonNegative, Positive, Section
+from testbed.scenario.kinds import Kinds
+
+
+class _Nominal(Section):
+    delay_steps: Annotated[int, Field(ge=0, le=1000)] = Field(
+        default=0, description="filter steps by which u_hat is old; before there is one it is zero"
+    )
+
+
+class NearIdentity(_Nominal):
+    """Flies towards the goal."""
+
+    controller: Literal["near-identity"] = "near-identity"
+    lookahead_m: Divisor = Field(
+        default=1.0, description="the point ahead that is steered, the paper's lambda"
+    )
+    gain_per_s: Positive = Field(default=0.1, description="on position and height")
+
+
+class EvadingManoeuvre(_Nominal):
+    """Flies the barrier's evading manoeuvre for ever."""
+
+    controller: Literal["manoeuvre"]
+
+
+NOMINALS = Kinds(
+    "controller",
+    "near-identity",
+    {"near-identity": NearIdentity, "manoeuvre": EvadingManoeuvre},
+    {"near-identity": "guidance towards the goal", "manoeuvre": "guidance that flies the manoeuvre"},
+)
+Nominal = Annotated[
+    Annotated[NearIdentity, Tag("near-identity")] | Annotated[EvadingManoeuvre, Tag("manoeuvre")],
+    Discriminator(NOMINALS.tag),
+    BeforeValidator(NOMINALS.settled),
+]
+
+
+class _QP(Section):
+    solver: Literal["auto", "osqp"] = Field(
+        default="auto", description="of the QPs: auto is the fastest one measured; every answer is checked"
+    )
+    monitor: bool = Field(default=False, description="check Theorems 3 and 4 at every step, and compare QPs")
+
+
+class Centralised(_QP):
+    """One QP for all vehicles."""
+
+    kind: Literal["centralised"] = "centralised"
+
+
+class Limited(_QP):
+    """One QP per vehicle, from what it knows itself."""
+
+    kind: Literal["limited"]
+
+
+class NavigationFunction(Section):
+    """The navigation function of [navigation]; it solves no QP."""
+
+    kind: Literal["navigation"]
+
+
+class NoFilter(Section):
+    """Guidance flown as it is."""
+
+    kind: Literal["none"]
+
+
+FILTERS = Kinds(
+    "kind",
+    "centralised",
+    {"centralised": Centralised, "limited": Limited, "navigation": NavigationFunction, "none": NoFilter},
+    {
+        "centralised": "the centralised filter",
+        "limited": "the limited filter",
+        "navigation": "the navigation function, which solves no QP",
+        "none": "filter 'none', which solves no QP",
+    },
+)
+Filter = Annotated[
+    Annotated[Centralised, Tag("centralised")]
+    | Annotated[Limited, Tag("limited")]
+    | Annotated[NavigationFunction, Tag("navigation")]
+    | Annotated[NoFilter, Tag("none")],
+    Discriminator(FILTERS.tag),
+    BeforeValidator(FILTERS.settled),
+]
+
+
+class Linear(Section):
+    """a h."""
+
+    kind: Literal["linear"]
+    coefficient: Positive = Field(default=0.1, description="a")
+
+
+class Cubic(Section):
+    """a h^3."""
+
+    kind: Literal["cubic"] = "cubic"
+    coefficient: Positive = Field(default=0.1, description="a")
+
+
+class OddPolynomial(Section):
+    """A sum of odd powers of h."""
+
+    kind: Literal["odd-polynomial"]
+    coefficients: list[NonNegative] = Field(default=[], max_length=5, description="of h, h^3, h^5, ...")
+
+    @model_validator(mode="after")
+    def complete(self) -> OddPolynomial:
+        if not any(self.coefficients):
+            raise ValueError("coefficients: an odd polynomial needs at least one positive coefficient")
+        return self
+
+
+ALPHAS = Kinds(
+    "kind",
+    "cubic",
+    {"cubic": Cubic, "linear": Linear, "odd-polynomial": OddPolynomial},
+    {"cubic": "a cubic alpha", "linear": "a linear alpha", "odd-polynomial": "an odd polynomial"},
+)
+Alpha = Annotated[
+    Annotated[Cubic, Tag("cubic")]
+    | Annotated[Linear, Tag("linear")]
+    | Annotated[OddPolynomial, Tag("odd-polynomial")],
+    Discriminator(ALPHAS.tag),
+    BeforeValidator(ALPHAS.settled),
+]
