@@ -160,3 +160,29 @@ def away_from_home(
         for dependency in sorted(module.outside & homes.keys())
         if not path.startswith(tuple(homes[dependency]))
     ]
+
+
+def private_names(file: Path) -> list[str]:
+    """Private names of others that a file uses: imported ones, and attributes of anything but self or cls
+    that the file does not set itself. As "name (line)"."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    own = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    own |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    own |= {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id in ("self", "cls")
+    }
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            found += [f"{alias.name} ({node.lineno})" for alias in node.names if _private(alias.name)]
+        elif isinstance(node, ast.Attribute) and _private(node.attr) and node.attr not in own:
+            found.append(f"{node.attr} ({node.lineno})")
+    return found
+
+
+def _private(name: str) -> bool:
+    return name.startswith("_") and not name.endswith("__") and name != "_exit"  # os._exit is documented

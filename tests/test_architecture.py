@@ -145,6 +145,13 @@ def test_every_module_says_in_its_first_line_what_it_does(modules: dict[str, str
     compare_with_debts("first-line", silent)
 
 
+def test_nobody_uses_the_private_names_of_another_module(modules: dict[str, structure.Module]) -> None:
+    files = [module.path for module in modules.values()] + sorted((ROOT / "tests").rglob("*.py"))
+    used = {file.relative_to(ROOT).as_posix(): structure.private_names(file) for file in files}
+    found = {f"{file} {name}" for file, names in used.items() for name in names}
+    compare_with_debts("private", found)
+
+
 def test_feet_stay_in_the_flight_dynamics_wrapper(modules: dict[str, structure.Module]) -> None:
     for module in modules.values():
         if module.path.name not in ("fdm.py", "geodesy.py"):
@@ -258,3 +265,13 @@ def test_a_dependency_away_from_home_is_found(tmp_path: Path) -> None:
     tree = made_up(tmp_path, high__flag="def f():\n    import math.special\n")
     found = structure.away_from_home(tree, tmp_path, {"math": ["low/"]})
     assert found == [("math", "high/flag.py")]
+
+
+def test_private_names_of_others_are_found(tmp_path: Path) -> None:
+    file = tmp_path / "a.py"
+    file.write_text(
+        "from b import _c\nimport os\n"
+        "class D:\n    def __init__(self, other):\n        self._e = other._e + other._f\n"
+        "    def __eq__(self, other):\n        return self.__class__ == other.__class__\n"
+    )
+    assert structure.private_names(file) == ["_c (1)", "_f (5)"]

@@ -12,7 +12,7 @@ import hashlib
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from functools import _lru_cache_wrapper
+from functools import lru_cache
 from pathlib import Path
 from types import CodeType, FrameType, FunctionType
 from typing import Any
@@ -27,6 +27,8 @@ from mutation.record import Outcome, Record, version, weight
 # s; a test may take this long and this many times its own time before it counts as hanging.
 PATIENCE, TIMES = 4.0, 10.0
 TRACE_LIMIT = 60.0
+
+CACHE = type(lru_cache(lambda: None))
 
 
 class Loop:
@@ -47,7 +49,7 @@ class Loop:
             raise session.Interrupted(f"{session.testsfailed} errors during collection")
         gc.collect()
         functions = _living(self.root, self.files)
-        caches = [thing for thing in gc.get_objects() if isinstance(thing, _lru_cache_wrapper)]
+        caches = [thing for thing in gc.get_objects() if isinstance(thing, CACHE)]
         gc.freeze()  # what is here is shared by all forks
         items = {item.nodeid: item for item in session.items}
         reached = self._reached(items, caches)
