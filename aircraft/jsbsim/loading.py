@@ -6,6 +6,7 @@ What JSBSim lets pass in silence, or answers by ending the process, is an except
 from __future__ import annotations
 
 import ctypes
+import threading
 
 import jsbsim
 
@@ -19,6 +20,7 @@ Node = jsbsim.FGPropertyNode
 
 # Fingerprints of the airframes whose references were checked in this process.
 _resolved: set[str] = set()
+_of_thread = threading.local()
 
 
 class _Quiet(jsbsim.FGLogger):
@@ -51,8 +53,7 @@ def load(airframe: Airframe, dt: float) -> Executive:
             do not exist, which JSBSim would answer later by aborting the process
     """
     folder, model = airframe.folder, airframe.model
-    log = _Quiet()
-    jsbsim.set_logger(log)
+    log = _logger()
     executive = jsbsim.FGFDMExec(None)
     executive.set_debug_level(0)
     executive.set_dt(dt)
@@ -75,9 +76,27 @@ def load(airframe: Airframe, dt: float) -> Executive:
     return executive
 
 
-def keep_for_ever(executive: Executive) -> None:
-    """Never delete an instance whose model did not load: its destructor may abort the process."""
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(executive))
+def _logger() -> _Quiet:
+    """This thread's logger, without errors yet.
+
+    JSBSim keeps a logger for each thread and releases it when the thread ends, without Python's lock: if that
+    was the last reference, the process aborts.
+    """
+    log = getattr(_of_thread, "logger", None)
+    if log is None:
+        log = _of_thread.logger = _Quiet()
+        # What it refers to is released in the same way.
+        for thing in (log, *jsbsim.LogLevel, *jsbsim.LogFormat):
+            keep_for_ever(thing)
+        jsbsim.set_logger(log)
+    log.errors.clear()
+    found: _Quiet = log
+    return found
+
+
+def keep_for_ever(thing: object) -> None:
+    """Never delete it: the destructor of an instance whose model did not load may abort the process, say."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
 
 
 def _resolve(airframe: Airframe, executive: Executive) -> None:
