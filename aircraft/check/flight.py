@@ -23,8 +23,8 @@ from aircraft.check.plausibility import PLAUSIBILITY
 from aircraft.jsbsim.errors import FdmError, UnresolvedError
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
-from aircraft.jsbsim.initialisation import Trim
 from aircraft.jsbsim.rest import Start
+from aircraft.jsbsim.steady import Trim
 
 _FLOWN_S = 5.0
 

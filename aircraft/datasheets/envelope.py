@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
 from aircraft.autopilots.tuning import fly
+from aircraft.jsbsim.climbs import climb_range
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.fdm import Fdm
-from aircraft.jsbsim.geodesy import Origin
-from aircraft.jsbsim.initialisation import G_MPS2
-from aircraft.jsbsim.rest import Start, hold, initialise, rotation
+from aircraft.jsbsim.geodesy import G_MPS2, Origin
+from aircraft.jsbsim.rest import Start, hold, rotation
+from aircraft.jsbsim.steady import Trim
 
 _DT_S = 0.005
 THROTTLE = "fcs/throttle-cmd-norm"
@@ -80,45 +81,42 @@ class _Bench:
         if airframe.has_rudder:
             self.inputs.append("fcs/rudder-cmd-norm")
 
-    def climb(self, v: float, omega: float, throttle: float) -> float:
-        """The steady climb rate [m/s] at ground speed v and turn rate omega with `throttle`; NaN if none."""
-        from scipy.optimize import root
-
-        fdm, place = self.fdm, Start(0.0, 0.0, 0.0, 0.0, v)
+    def trim(self, v: float, omega: float = 0.0) -> Trim | None:
+        """Level flight at ground speed v [m/s], turning at omega [rad/s]; None if there is none."""
         try:
-            level = fdm.trim(place)
+            return self.fdm.trim(Start(0.0, 0.0, 0.0, 0.0, v), omega)
         except FdmError:
-            return math.nan
-        inputs = [path for path in self.inputs if path != THROTTLE]
-        balance = [fdm.nodes[k] for k in ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")]
-        balance += [fdm.nodes["beta"]] if len(inputs) == 3 else []
-        fdm.nodes["throttle"].set_double_value(throttle)
+            return None
 
-        def residuals(unknown: NDArray[np.float64]) -> list[float]:
-            roll, above, aside, slope, *commands = map(float, unknown)
-            for path, value in zip(inputs, commands, strict=True):
-                fdm.node(path).set_double_value(value)
-            attitude = (roll, slope + above, level.yaw + aside)
-            initialise(fdm, attitude, np.array([0.0, v, -v * math.tan(slope)]), -omega)
-            return [node.get_double_value() for node in balance]
+    def climbs(self, v: float, omega: float) -> tuple[float, float]:
+        """Lowest and highest steady climb rate [m/s] at ground speed v and turn rate omega; NaN if none.
 
-        bank = -math.atan(v * omega / G_MPS2)
-        commands = [level.elevator, level.aileron, level.rudder][: len(inputs)]
-        found = root(residuals, [bank, level.alpha, 0.0, 0.0, *commands], tol=1e-11).x
-        if max(map(abs, residuals(found))) > 1e-6 or np.abs(found[4:]).max() > 1:
-            return math.nan
-        return v * math.tan(float(found[3]))
+        Raises  FdmError if the airframe cannot fly level at its start speed
+        """
+        speed = self.fdm.airframe.speeds.start_mps
+        return climb_range(self.fdm, v, omega, self.fdm.trim(Start(0.0, 0.0, 0.0, 0.0, speed)))
+
+
+def climbs(airframe: Airframe, v: float, omega: float = 0.0) -> tuple[float, float]:
+    """Lowest and highest climb rate [m/s] of steady flight in still air, mostly at idle and full throttle.
+
+    v      ground speed [m/s];  omega  turn rate [rad/s]
+    Returns NaN and NaN where there is no steady flight; a dive of 60 deg at most
+    Raises  FdmError if the airframe cannot fly level at its start speed
+    """
+    return _Bench(airframe).climbs(v, omega)
 
 
 def limits(airframe: Airframe, v: float, omega: float) -> Limits:
     """The envelope at ground speed v [m/s] in still air, turning at `omega` [rad/s] where a turn is meant."""
     bench = _Bench(airframe)
-    try:
-        bank = abs(bench.fdm.trim(Start(0.0, 0.0, 0.0, 0.0, v), omega).roll)
-    except FdmError:
-        bank = math.nan
-    climb, sink = (bench.climb(v, 0.0, throttle) for throttle in (1.0, 0.0))
-    level = bench.fdm.trim(Start(0.0, 0.0, 0.0, 0.0, v))
+    turning = bench.trim(v, omega)
+    bank = abs(turning.roll) if turning is not None else math.nan
+    sink, climb = bench.climbs(v, 0.0)
+    level = bench.trim(v)
+    if level is None:
+        nothing = math.nan
+        return Limits(v, bank, 1.0 / math.cos(bank), climb, sink, *[nothing] * 6)
     commands = {path: bench.fdm.read(path) for path in bench.inputs}
     attitude = np.array([level.roll, level.pitch, level.yaw])
     turn = rotation(*attitude)
@@ -177,11 +175,11 @@ def corners(airframe: Airframe, box: Box) -> list[Corner]:
 
 
 def _corner(airframe: Airframe, bench: _Bench, box: Box, v: float, omega: float, zeta: float) -> Corner:
-    throttle = 1.0 if zeta > 0 else 0.0
+    lowest_or_highest = 1 if zeta > 0 else 0
 
     def steady(speed: float) -> float:
         """Climb rate beyond the one asked for, positive where it can be had."""
-        return math.copysign(1.0, zeta) * (bench.climb(speed, omega, throttle) - zeta)
+        return math.copysign(1.0, zeta) * (bench.climbs(speed, omega)[lowest_or_highest] - zeta)
 
     if steady(v) >= 0:
         return Corner(v, omega, zeta, True, math.inf, math.inf, v, "")

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe, property_name
-from aircraft.jsbsim import initialisation, loading
+from aircraft.jsbsim import initialisation, loading, steady
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin
-from aircraft.jsbsim.initialisation import Trim
 from aircraft.jsbsim.properties import NODES, TELEMETRY
 from aircraft.jsbsim.rest import Start
+from aircraft.jsbsim.steady import Trim
 
 Array = NDArray[np.float64]
 
@@ -66,8 +66,8 @@ class Fdm:
     # -- before the flight
 
     def trim(self, start: Start, omega: float = 0.0) -> Trim:
-        """Steady flight as `initialisation.trim` finds it; raises FdmError if there is none."""
-        return initialisation.trim(self, start, omega)
+        """Steady flight as `steady.trim` finds it; raises FdmError if there is none."""
+        return steady.trim(self, start, omega)
 
     def start(self, start: Start) -> Trim:
         """Begin the flight: trimmed, in the start's wind, the autopilot settled and on. Raises FdmError."""

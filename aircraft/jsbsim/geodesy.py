@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 M_PER_FT = 0.3048
+G_MPS2 = 9.80665  # standard gravity
 
 _A_M = 6378137.0
 _B_M = 6356752.3142

@@ -15,9 +15,9 @@ import numpy as np
 from aircraft.airframes.schema import Airframe, folder_of, read_airframe
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.fdm import Fdm
-from aircraft.jsbsim.geodesy import Origin
-from aircraft.jsbsim.initialisation import G_MPS2, Trim
+from aircraft.jsbsim.geodesy import G_MPS2, Origin
 from aircraft.jsbsim.rest import Start
+from aircraft.jsbsim.steady import Trim
 
 _ANY_DT_S = 0.005  # trim does not move
 

@@ -1,0 +1,129 @@
+"""Solves equations of steady flight: directly, and by continuation from a flight that was found.
+
+A problem has unknowns x (attitude and commands) and parameters p (airspeed, climb and turn, say); its
+residuals are the accelerations that remain. `aircraft.jsbsim.steady` and `climbs` state the problems.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BALANCED = 1e-6  # largest residual of a steady flight, in the residuals' units
+_TOLERANCE = 1e-13  # asked of the direct solver; what it reaches is judged by BALANCED
+_CONVERGED = 1e-10  # residual at which Newton's steps end
+_NEWTON_STEPS = 12
+_DIFFERENCE = 1e-7  # for derivatives by x: rad, or share of a command
+_LONGEST, _SHORTEST = 0.5, 1 / 128  # steps of a continuation, as shares of its way
+
+
+@dataclass(frozen=True)
+class Problem:
+    """residuals(p, x) -> (m,) with m unknowns x, which must lie between lowest and highest, (m,) each."""
+
+    residuals: Callable[[Array, Array], Array]
+    lowest: Array
+    highest: Array
+
+    def solved(self, p: Array, x: Array) -> bool:
+        """Whether x is within its bounds and balances the residuals; the model is left evaluated at x."""
+        left = float(np.abs(self.residuals(p, x)).max())
+        return left < BALANCED and bool(np.all((x >= self.lowest) & (x <= self.highest)))
+
+
+@dataclass(frozen=True)
+class Reached:
+    """The last solution of a continuation: its parameters and unknowns; whether it is the target."""
+
+    p: Array
+    x: Array
+    arrived: bool
+
+
+def solve(problem: Problem, p: Array, guess: Array) -> Array | None:
+    """Unknowns that solve the problem at p, by Powell's hybrid method from `guess`; None if it finds none."""
+    from scipy.optimize import root
+
+    x: Array = root(lambda x: problem.residuals(p, x), guess, tol=_TOLERANCE).x
+    return x if problem.solved(p, x) else None
+
+
+def correct(problem: Problem, p: Array, guess: Array) -> Array | None:
+    """Unknowns that solve the problem at p, by Newton's method within the bounds; None if it fails.
+
+    Powell's method leaves the bounds. There a saturated command has no effect, so it finds no way back.
+    """
+    x = np.clip(guess, problem.lowest, problem.highest)
+    left = problem.residuals(p, x)
+    for _ in range(_NEWTON_STEPS):
+        if np.abs(left).max() < _CONVERGED:
+            break
+        try:
+            step = -np.linalg.solve(_jacobian(problem, p, x, left), left)
+        except np.linalg.LinAlgError:
+            return None
+        for share in (1.0, 0.5, 0.25, 0.1):
+            ahead = np.clip(x + share * step, problem.lowest, problem.highest)
+            then = problem.residuals(p, ahead)
+            if np.abs(then).max() < np.abs(left).max():
+                break
+        else:
+            break
+        x, left = ahead, then
+    return x if problem.solved(p, x) else None
+
+
+def _jacobian(problem: Problem, p: Array, x: Array, left: Array) -> Array:
+    """d residuals / dx (m, m) by one-sided differences that stay within the bounds."""
+    columns = []
+    for k in range(len(x)):
+        step = -_DIFFERENCE if x[k] + _DIFFERENCE > problem.highest[k] else _DIFFERENCE
+        moved = x.copy()
+        moved[k] += step
+        columns.append((problem.residuals(p, moved) - left) / step)
+    return np.array(columns).T
+
+
+def follow(problem: Problem, p: Array, x: Array, target: Array, shortest: float = _SHORTEST) -> Reached:
+    """Continue the solution x at p along the straight line of parameters to `target`.
+
+    Each step starts Newton's method from an extrapolation of the last two solutions. A step that fails is
+    halved until it is `shortest`, as a share of the way; one that succeeds is doubled.
+    """
+    done, step = 0.0, _LONGEST
+    before: tuple[float, Array] | None = None
+    while done < 1.0:
+        share = min(1.0, done + step)
+        slope = 0.0 if before is None else (x - before[1]) / (done - before[0])
+        at = target if share == 1.0 else p + share * (target - p)
+        found = correct(problem, at, x + slope * (share - done))
+        if found is not None:
+            before, done, x = (done, x), share, found
+            step = min(2 * step, _LONGEST)
+        elif step > shortest:
+            step /= 2
+        else:
+            return Reached(p + done * (target - p), x, False)
+    return Reached(target, x, True)
+
+
+def nearest(problem: Problem, p: Array, guesses: Iterable[Array]) -> Array:
+    """The unknowns within bounds that leave the least squares of residuals at p, from some guesses."""
+    from scipy.optimize import least_squares
+
+    inside = 1e-9 * (problem.highest - problem.lowest)
+    found = [
+        least_squares(
+            lambda x: problem.residuals(p, x),
+            np.clip(guess, problem.lowest + inside, problem.highest - inside),
+            bounds=(problem.lowest, problem.highest),
+        )
+        for guess in guesses
+    ]
+    x: Array = min(found, key=lambda f: float(f.cost)).x
+    return x

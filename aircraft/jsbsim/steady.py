@@ -1,0 +1,155 @@
+"""Finds trims: steady flight at a given airspeed, climb and turn, balanced on the flight model itself.
+
+The unknowns are roll, pitch above the path, yaw beside the heading [rad], elevator and aileron [-1, 1],
+throttle [0, 1] and, where there is one, rudder [-1, 1]. With a rudder the flight is free of sideslip; without
+one the sideslip follows from the balance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aircraft.jsbsim import shortfall
+from aircraft.jsbsim.continuation import Problem, Reached, correct, follow, solve
+from aircraft.jsbsim.errors import FdmError
+from aircraft.jsbsim.geodesy import G_MPS2
+from aircraft.jsbsim.rest import Instance, Start, initialise, place
+from aircraft.jsbsim.shortfall import AILERON, ELEVATOR, RUDDER, THROTTLE, balance
+
+Array = NDArray[np.float64]
+
+_LEVEL_THROTTLE, _LEVEL_ALPHA_RAD = 0.4, 0.05  # of the first guess
+
+
+@dataclass(frozen=True)
+class Trim:
+    """Steady flight: attitude, angles to the air [rad], commands [-1, 1] and [0, 1], airspeed [m/s]."""
+
+    roll: float
+    pitch: float
+    yaw: float  # JSBSim's: clockwise from north
+    alpha: float
+    beta: float
+    elevator: float
+    aileron: float
+    throttle: float
+    airspeed: float
+    rudder: float = 0.0
+
+
+def trim(fdm: Instance, start: Start, omega: float = 0.0) -> Trim:
+    """Steady flight at the start's place and air-relative velocity, turning at `omega` [rad/s].
+
+    Leaves JSBSim initialised there without wind and the commands set.
+    Raises  FdmError, which says which force or moment is missing, if there is no such flight
+    """
+    n, airframe = fdm.nodes, fdm.airframe
+    air, _ = place(fdm, start)
+    speed = float(np.linalg.norm(air))
+    if not speed > 0:
+        raise FdmError(f"{airframe.name} cannot fly at airspeed {speed:g} m/s")
+    heading, climb = math.atan2(air[1], air[0]), math.asin(-air[2] / speed)
+    n["on"].set_double_value(0.0)
+    problem = trim_problem(fdm, heading, speed, climb, air)
+    p = np.array([speed, climb, omega])
+    speeds = airframe.speeds
+    x, missing = find(fdm, problem, p, heading, (speeds.start_mps, speeds.v_min_mps, speeds.v_max_mps))
+    if x is None:
+        raise FdmError(
+            f"{airframe.name} cannot fly steadily at ground speed {start.v:g} m/s, climb {start.zeta:g} m/s, "
+            f"turn {omega:g} rad/s, wind {start.wind} m/s: {missing}"
+        )
+    roll, above, aside, elevator, aileron, throttle, *rudder = map(float, x)
+    alpha, beta = n["alpha"].get_double_value(), n["beta"].get_double_value()
+    return Trim(
+        roll, climb + above, heading + aside, alpha, beta, elevator, aileron, throttle, speed, *rudder
+    )
+
+
+def trim_problem(fdm: Instance, heading: float, speed: float, climb: float, air: Array) -> Problem:
+    """Trims at p = (airspeed [m/s], climb angle [rad], turn rate [rad/s]), by default at the place last set.
+
+    heading  of the velocity through the air [rad, clockwise from north]
+    air      m/s, north-east-down: the velocity at `speed` and `climb` as the caller has it, to the last bit
+    """
+
+    def residuals(p: Array, x: Array) -> Array:
+        velocity = air if p[0] == speed and p[1] == climb else velocity_of(p[0], p[1], heading)
+        commands = {"elevator": x[ELEVATOR], "aileron": x[AILERON], "throttle": x[THROTTLE]}
+        if len(x) > RUDDER:
+            commands["rudder"] = x[RUDDER]
+        for name, value in commands.items():
+            fdm.nodes[name].set_double_value(float(value))
+        initialise(fdm, (x[0], p[1] + x[1], heading + x[2]), velocity, -p[2])
+        return balance(fdm)
+
+    lowest, highest = bounds(fdm, 0.0, 1.0)
+    return Problem(residuals, lowest, highest)
+
+
+def velocity_of(speed: float, climb: float, heading: float) -> Array:
+    """North-east-down [m/s]."""
+    level = speed * math.cos(climb)
+    return np.array([level * math.cos(heading), level * math.sin(heading), -speed * math.sin(climb)])
+
+
+def bounds(fdm: Instance, low: float, high: float) -> tuple[Array, Array]:
+    """Of the unknowns; low and high are those of the throttle or the climb angle."""
+    ends = [(-math.pi, math.pi)] * 3 + [(-1.0, 1.0), (-1.0, 1.0), (low, high)]
+    ends += [(-1.0, 1.0)] * fdm.airframe.has_rudder
+    lowest, highest = np.array(ends).T
+    return lowest, highest
+
+
+def first_guess(problem: Problem, p: Array) -> Array:
+    """Where a direct solution of a trim begins: a coordinated bank and a small angle of attack."""
+    bank = -math.atan(p[0] * p[2] / G_MPS2)
+    guess = [bank, _LEVEL_ALPHA_RAD / math.cos(bank), 0.0, 0.0, 0.0, _LEVEL_THROTTLE, 0.0]
+    return np.array(guess[: len(problem.lowest)])
+
+
+def find(
+    fdm: Instance, problem: Problem, p: Array, heading: float, speeds: Sequence[float]
+) -> tuple[Array | None, str]:
+    """A trim at p, directly or by continuation from level flight; or None, and what is missing.
+
+    heading  as the problem has it
+    speeds   m/s, of the level flights to continue from, after that at p's airspeed
+    The model is left evaluated at the trim, once: forces due to accelerations remember the last evaluation.
+    """
+    found = solve(problem, p, first_guess(problem, p))
+    ends: list[Array] = []
+    for speed in dict.fromkeys((float(p[0]), *speeds)):
+        if found is not None:
+            break
+        level = np.array([speed, 0.0, 0.0])
+        x = solve(problem, level, first_guess(problem, level))
+        if x is None:
+            continue
+        limits = shortfall.throttle_limits(fdm, problem, level, x, p, heading)
+        if limits is not None:
+            if limits.missing:
+                return None, limits.missing
+            found = correct(problem, p, limits.guess)
+        for way in _ways(problem, level, x, p) if found is None else ():
+            ends.append(way.x)
+            if way.arrived:
+                found = way.x
+                break
+    if found is None:
+        return None, shortfall.missing(fdm, problem, p, [first_guess(problem, p), *ends], heading)
+    return found, ""
+
+
+def _ways(problem: Problem, level: Array, x: Array, p: Array) -> Iterator[Reached]:
+    """Continuations from level flight to p: straight, then turning before climbing, then the reverse."""
+    yield follow(problem, level, x, p)
+    for corner in ([p[0], 0.0, p[2]], [p[0], p[1], 0.0]):
+        first = follow(problem, level, x, np.array(corner))
+        if first.arrived:
+            yield follow(problem, first.p, first.x, p)
