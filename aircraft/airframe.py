@@ -33,11 +33,11 @@ def load_gains(path: Path, airframe: Airframe | None = None) -> Airframe:
     airframe  the base, in place of the one the file names; the names must agree
     Raises    FileNotFoundError, or ValueError naming the file and what is wrong with it
     """
-    name, values = gains.changes(path)
-    base = load(name)
+    file = gains.read(path)
+    base = load(file.base)
     if airframe is not None and airframe.name != base.name:
-        raise ValueError(f"{path}: gains of {name}, not of {airframe.name}")
-    return gains.changed(airframe or base, values, path)
+        raise ValueError(f"{path}: gains of {file.base}, not of {airframe.name}")
+    return gains.on_top_of(airframe or base, file)
 
 
 def copy(name_or_folder: str, folder: Path) -> Path:
@@ -49,10 +49,12 @@ def copy(name_or_folder: str, folder: Path) -> Path:
         raise FileExistsError(f"{folder} exists; give another folder")
     if not re.fullmatch(NAME, folder.name) or folder.suffix == ".toml":
         raise ValueError(f"{folder.name!r} cannot name an airframe; use letters, digits, - and _")
-    source = load(name_or_folder).folder  # vetted: no link in it leads to somebody else's files
-    shutil.copytree(source, folder)
+    source = load(name_or_folder)  # vetted: no link in it leads to somebody else's files
+    shutil.copytree(source.folder, folder)
     path = folder / "airframe.toml"
     text = re.sub(r"^name = .*$", f'name = "{folder.name}"', path.read_text(), count=1, flags=re.M)
-    # The command that remakes the identified lags names its airframe.
-    path.write_text(text.replace(f'identification {source.name}"', f'identification {folder.as_posix()}"'))
+    # Commands that remake derived numbers name their airframe.
+    command = r'^command = "testbed aircraft (identify|trim) .*"$'
+    text = re.sub(command, rf'command = "testbed aircraft \1 {folder.as_posix()}"', text, flags=re.M)
+    path.write_text(text)
     return folder

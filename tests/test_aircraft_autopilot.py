@@ -7,6 +7,7 @@ import pytest
 
 from aircraft.airframe import load
 from aircraft.autopilots.equations import EQUATIONS, parse, system_xml
+from aircraft.autopilots.feedforward import feedforward
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.margins import margins, response
 from aircraft.autopilots.specification import turbulence_rows
@@ -14,7 +15,6 @@ from aircraft.autopilots.tuning import fly, score
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
 from aircraft.jsbsim.rest import Start
-from aircraft.jsbsim.trim import feedforward
 
 TURN = math.radians(11.7)
 

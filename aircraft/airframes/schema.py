@@ -55,6 +55,10 @@ class Speeds(_Strict):
             raise ValueError("v_min_mps, start_mps and v_max_mps must be in this order")
         return self
 
+    def within(self, share: float) -> float:
+        """The speed [m/s] at a share of the way from v_min_mps to v_max_mps, to 0.001 m/s."""
+        return round(self.v_min_mps + share * (self.v_max_mps - self.v_min_mps), 3)
+
 
 class Channel(_Strict):
     """One command channel as the lagged kinematic plant sees it."""
@@ -69,10 +73,18 @@ class Channel(_Strict):
     )
 
 
-class Identified(_Strict):
-    """Channels identified on step responses; `command` is how to remake them."""
+class Fitted(_Strict):
+    """Where the fitted feed-forward of [gains.airframe] comes from; see `aircraft.airframes.provenance`."""
 
-    command: str
+    command: str = Field(description="remakes the numbers")
+    fingerprint: str = Field(description="of what they were made from")
+
+
+class Identified(_Strict):
+    """Channels identified on step responses, and where they come from."""
+
+    command: str = Field(description="remakes the channels")
+    fingerprint: str | None = Field(None, description="of the model and gains they were made from")
     v: Channel
     omega: Channel
     zeta: Channel
@@ -107,12 +119,14 @@ class Airframe(_Strict):
     speeds: Speeds
     surfaces: dict[str, str] = Field(description="telemetry name -> JSBSim property, rad")
     gains: dict[str, dict[str, Finite]]
+    fitted: Fitted | None = None
     identified: Identified | None = None
     step_factor: Positive = Field(1.0, description="of the step specification's bounds, for this airframe")
     stated: dict[str, Finite] = Field(
         default={}, description="what the sources say, for `testbed aircraft check`: jxz_kgm2, mass_kg, ..."
     )
     folder: Path = Field(exclude=True)
+    gains_file: Path | None = Field(None, exclude=True, description="whose gains these are, if a file's")
 
     @model_validator(mode="after")
     def radians(self) -> Airframe:
@@ -124,6 +138,17 @@ class Airframe(_Strict):
                     f"surfaces.{name}: call a surface something_rad, not what is recorded already"
                 )
         return self
+
+    @property
+    def argument(self) -> str:
+        """What names this airframe on a command line: its name if it is ours, or its folder or gains file."""
+        if self.gains_file is not None:
+            return self.gains_file.as_posix()
+        if self.folder.parent == AIRFRAMES.resolve():
+            return self.folder.name
+        here = Path.cwd().resolve()
+        inside = self.folder.is_relative_to(here) and self.folder != here
+        return (self.folder.relative_to(here) if inside else self.folder).as_posix()
 
     @property
     def has_rudder(self) -> bool:
@@ -167,10 +192,22 @@ def folder_of(name_or_folder: str | Path) -> Path:
     return Path(name_or_folder)
 
 
-def _said(error: Any) -> str:
-    if error["type"] == "extra_forbidden":
-        return "unknown field"
-    return str(error["msg"]).removeprefix("Value error, ")
+def identified(table: Any) -> Identified:
+    """The [identified] table of a file. Raises ValueError naming the field, in one line."""
+    try:
+        return Identified.model_validate(table)
+    except ValidationError as error:
+        raise ValueError(first_error(error, "identified")) from None
+
+
+def first_error(error: ValidationError, *within: str) -> str:
+    """The first field that does not validate and why, in one line; `within` are the tables around it."""
+    # An unknown field explains another that is missing.
+    first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+    where = ".".join(str(p) for p in (*within, *first["loc"]))
+    unknown = first["type"] == "extra_forbidden"
+    message = "unknown field" if unknown else str(first["msg"]).removeprefix("Value error, ")
+    return f"{where}: {message}" if where else message
 
 
 def read_airframe(folder: Path) -> Airframe:
@@ -181,17 +218,15 @@ def read_airframe(folder: Path) -> Airframe:
     path = folder / "airframe.toml"
     try:
         tables = read_toml(path)
-        if "folder" in tables:
-            raise ValueError("folder: unknown field; it is where the file is")
+        for field in ("folder", "gains_file"):
+            if field in tables:
+                raise ValueError(f"{field}: unknown field")
         return Airframe(**tables, folder=folder.resolve())
     except FileNotFoundError:
         raise FileNotFoundError(
             f"no airframe {folder}: {path} does not exist; there are {', '.join(names())}, or give a folder"
         ) from None
     except ValidationError as e:
-        # A field that nobody knows explains another that is missing.
-        first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
-        where = ".".join(str(p) for p in first["loc"])
-        raise ValueError(f"{path}: {where}: {_said(first)}" if where else f"{path}: {_said(first)}") from None
+        raise ValueError(f"{path}: {first_error(e)}") from None
     except ValueError as e:
         raise ValueError(f"{path}: {e}") from None

@@ -1,7 +1,7 @@
 # The autopilot: ground speed, course rate and climb rate commands in, elevator, aileron and throttle out.
 #
-# `python -m aircraft.autopilot aircraft/airframes/x8` turns this file and the gains of that airframe.toml into
-# systems/autopilot.xml. Every name is a property ap/NAME (underscores become dashes), so every gain and every state
+# `testbed aircraft autopilot x8` turns this file and the gains of that airframe.toml into systems/autopilot.xml.
+# Every name is a property ap/NAME (underscores become dashes), so every gain and every state
 # can be read and written; a name used before its line is a state and keeps its value between steps. States advance
 # as x = x + dt f, so the algebra can be evaluated at dt = 0 without moving them. SI, course and omega
 # counter-clockwise from east; roll, aileron and beta keep JSBSim's sign (right positive), elevator down positive.

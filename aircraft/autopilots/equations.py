@@ -1,24 +1,22 @@
 """Compiles the autopilot's equations and an airframe's gains into a JSBSim `<system>`.
 
-    python -m aircraft.autopilots.equations aircraft/airframes/x8
-
-The XML is committed and flies in any JSBSim host; this module is how it is written, `autopilot.eq` beside it
-is what it says. One equation becomes one named component, its formula in the comment above it.
+The equations are in `autopilot.eq` beside this file. `testbed aircraft autopilot` writes the XML, which flies
+in any JSBSim host. One equation becomes one named component, with its formula as a comment.
 """
 
 from __future__ import annotations
 
 import ast
 import re
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from aircraft.airframes.schema import Airframe, folder_of, property_name, read_airframe
+from aircraft.airframes.schema import Airframe, property_name
 
 EQUATIONS = Path(__file__).with_name("autopilot.eq")
+MADE_BY = "Made by `testbed aircraft autopilot`"  # marks a compiled autopilot
 
 _BINARY: dict[type[ast.AST], str] = {
     ast.Add: "sum",
@@ -148,7 +146,7 @@ def system_xml(equations: Equations, gains: Mapping[str, float]) -> str:
     properties = {n: property_name(n) for n in names} | equations.uses
     lines = [
         '<?xml version="1.0"?>',
-        "<!-- Made by `python -m aircraft.autopilots.equations`; edit autopilot.eq and airframe.toml. -->",
+        f"<!-- {MADE_BY}; edit autopilot.eq and airframe.toml. -->",
         '<system name="autopilot">',
     ]
     defaults = {n: v for n, (v, _) in equations.inputs.items()} | dict(gains) | dict.fromkeys(assigned, 0.0)
@@ -168,14 +166,3 @@ def system_xml(equations: Equations, gains: Mapping[str, float]) -> str:
             ]
         lines.append("  </channel>")
     return "\n".join([*lines, "</system>", ""])
-
-
-def main(folder: Path) -> None:
-    """Write `folder`/systems/autopilot.xml."""
-    airframe = read_airframe(folder_of(folder))
-    xml = system_xml(autopilot(), airframe.gain_values())
-    (airframe.folder / "systems" / "autopilot.xml").write_text(xml)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -9,9 +9,10 @@ import math
 import re
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from aircraft.airframes.schema import Airframe, check_gains
+from aircraft.airframes.schema import Airframe, Identified, check_gains, identified
 from aircraft.autopilots.equations import of_airframe
 from aircraft.textfile import read_toml
 
@@ -46,11 +47,18 @@ def gain_faults(airframe: Airframe) -> list[str]:
     return faults
 
 
-def changes(path: Path) -> tuple[str, dict[str, float]]:
-    """A gains file as data: the name of its base airframe, and its gains by section.name.
+@dataclass(frozen=True)
+class GainsFile:
+    """A gains file as data: its base airframe, gains by section.name, and lags identified with them."""
 
-    Raises  FileNotFoundError, or ValueError naming the file and what is wrong with it
-    """
+    path: Path
+    base: str
+    gains: dict[str, float]
+    identified: Identified | None
+
+
+def read(path: Path) -> GainsFile:
+    """A gains file. Raises FileNotFoundError, or ValueError naming the file and what is wrong with it."""
     try:
         tables = read_toml(path)
     except FileNotFoundError:
@@ -73,24 +81,29 @@ def changes(path: Path) -> tuple[str, dict[str, float]]:
                 got = repr(value) if len(repr(value)) <= 80 else f"{repr(value)[:80]}..."
                 raise ValueError(f"{path}: gains.{section}.{gain}: must be a finite number, got {got}")
             found[f"{section}.{gain}"] = number
-    return name, found
+    try:
+        lags = identified(tables["identified"]) if "identified" in tables else None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return GainsFile(path, name, found, lags)
 
 
-def changed(base: Airframe, gains: dict[str, float], path: Path) -> Airframe:
-    """`base` with `gains` (section.name -> value), which were read from `path`.
+def on_top_of(base: Airframe, file: GainsFile) -> Airframe:
+    """`base` with what a gains file says.
 
     Raises  ValueError naming the file and the gain that is unknown, out of range or missing
     """
     try:
-        after = base.with_gains(gains)
+        after = base.with_gains(file.gains)
         check_gains(after.gains)
     except KeyError as error:
-        raise ValueError(f"{path}: {error.args[0]}") from None
+        raise ValueError(f"{file.path}: {error.args[0]}") from None
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"{file.path}: {error}") from None
     if faults := gain_faults(after):
-        raise ValueError(f"{path}: gains.{faults[0]}")
-    return after
+        raise ValueError(f"{file.path}: gains.{faults[0]}")
+    lags = base.identified if file.identified is None else file.identified
+    return after.model_copy(update={"identified": lags, "gains_file": file.path})
 
 
 def write(path: Path, base: str, gains: Mapping[str, float], provenance: Mapping[str, str]) -> None:

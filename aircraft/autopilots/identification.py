@@ -1,19 +1,17 @@
 """Command channels as lag, delay and rate limits, fitted to step responses of the aircraft in JSBSim.
 
-    python -m aircraft.autopilots.identification x8
-
-prints the `[identified]` tables of airframe.toml, which the lagged kinematic plant flies.
+`testbed aircraft identify` writes them as the `[identified]` tables of airframe.toml, which the lagged
+kinematic plant flies and a filter that predicts poses knows.
 """
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aircraft.airframes.schema import Airframe, folder_of, read_airframe
+from aircraft.airframes.schema import Airframe, Speeds
 from aircraft.autopilots.tuning import fly
 
 Array = NDArray[np.floating[Any]]
@@ -22,12 +20,25 @@ DT_S = 0.005
 _DURATION_S = 6.0
 _TURN = 0.2  # rad/s
 
-# Per channel: (start speed, value before, command) of the steps that are fitted.
-STEPS: dict[str, list[tuple[float, float, tuple[float, float, float]]]] = {
-    "v": [(16, 16, (20, 0, 0)), (20, 20, (24, 0, 0)), (20, 20, (16, 0, 0)), (24, 24, (20, 0, 0))],
-    "omega": [(v, 0, (v, sign * size, 0)) for v in (16, 20, 25) for sign in (1, -1) for size in (_TURN, 0.1)],
-    "zeta": [(v, 0, (v, 0, zeta)) for v in (16, 20, 25) for zeta in (2.0, 3.9, -1.5)],
-}
+Step = tuple[float, float, tuple[float, float, float]]  # start speed, value before, command
+CHANNELS = ("v", "omega", "zeta")
+
+
+def steps(speeds: Speeds) -> dict[str, list[Step]]:
+    """The steps that are fitted, by channel: for 15 to 25 m/s, from 16 to 20, 20 to 24 and back."""
+    slow, middle, brisk, fast = (speeds.within(share) for share in (0.1, 0.5, 0.9, 1.0))
+    return {
+        "v": [
+            (v, v, (to, 0, 0)) for v, to in ((slow, middle), (middle, brisk), (middle, slow), (brisk, middle))
+        ],
+        "omega": [
+            (v, 0, (v, sign * size, 0))
+            for v in (slow, middle, fast)
+            for sign in (1, -1)
+            for size in (_TURN, 0.1)
+        ],
+        "zeta": [(v, 0, (v, 0, zeta)) for v in (slow, middle, fast) for zeta in (2.0, 3.9, -1.5)],
+    }
 
 
 def model(
@@ -46,13 +57,17 @@ def model(
 
 
 def identify(airframe: Airframe, channel: str) -> tuple[float, float, float, float]:
-    """Time constant, delay [s], largest fall and rise [unit / s] that fit STEPS best in least squares."""
+    """Time constant, delay [s], largest fall and rise [unit / s] that fit `steps` best in least squares.
+
+    channel  one of CHANNELS
+    Raises   FdmError if the airframe cannot fly level at the speeds of the steps
+    """
     from scipy.optimize import minimize
 
-    index = ("v", "omega", "zeta").index(channel)
-    before = np.array([b for _, b, _ in STEPS[channel]], dtype=float)
-    after = np.array([c[index] for _, _, c in STEPS[channel]], dtype=float)
-    flown = np.array([getattr(fly(airframe, v, c, _DURATION_S, DT_S), channel) for v, _, c in STEPS[channel]])
+    index, flights = CHANNELS.index(channel), steps(airframe.speeds)[channel]
+    before = np.array([b for _, b, _ in flights], dtype=float)
+    after = np.array([c[index] for _, _, c in flights], dtype=float)
+    flown = np.array([getattr(fly(airframe, v, c, _DURATION_S, DT_S), channel) for v, _, c in flights])
     size = np.abs(after - before)[:, None]
 
     def misfit(logs: Array) -> float:
@@ -66,17 +81,3 @@ def identify(airframe: Airframe, channel: str) -> tuple[float, float, float, flo
     fitted = minimize(misfit, guess, method="Nelder-Mead", options={"maxfev": 400})
     time_constant, delay, falls, rises = np.exp(fitted.x).tolist()
     return time_constant, delay, falls, rises
-
-
-def main(name: str) -> None:
-    """Print the tables of an airframe's channels."""
-    airframe = read_airframe(folder_of(name))
-    print(f'[identified]\ncommand = "python -m aircraft.autopilots.identification {name}"')
-    for channel in STEPS:
-        time_constant, delay, falls, rises = identify(airframe, channel)
-        print(f"\n[identified.{channel}]\ntime_constant_s = {time_constant:.3f}\ndelay_s = {delay:.3f}")
-        print(f"rate_min = {-falls:.3g}\nrate_max = {rises:.3g}")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aircraft.airframes.schema import Airframe
+from aircraft.airframes.schema import Airframe, Speeds
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import linear_model
 from aircraft.autopilots.margins import Margins, margins, model_response
@@ -77,23 +77,33 @@ def _climb(v: float, zeta: float, t63: float, speed_change: float) -> Step:
     return Step("climb", v, (v, 0.0, zeta), bounds)
 
 
-# Bounds of the project's aim for the X8: times s, overshoot and errors as fractions of the step.
-STEPS: tuple[Step, ...] = (
-    _turn(16.0, 0.34),
-    _turn(20.0, 0.36),
-    _turn(25.0, 0.38),
-    Step("speed", 16.0, (20.0, 0.0, 0.0), {"settling_s": 1.6, "overshoot": 0.01}),
-    Step("speed", 20.0, (24.0, 0.0, 0.0), {"settling_s": 2.2, "overshoot": 0.01}),
-    _climb(16.0, 2.0, 0.33, 0.4),
-    _climb(16.0, 3.9, 0.48, 0.8),
-    _climb(25.0, 2.0, 0.33, 0.4),
-    _climb(25.0, 3.9, 0.48, 0.8),
-    *(
-        Step("all", v, (v + 4.0, TURN, 3.9), {"omega_overshoot": 0.04, "crossings": 1.0})
-        for v in (16.0, 18.0, 20.0)
-    ),
-    Step("dive", 16.0, (16.0, 0.0, -3.9), {"v_above": 25.0, "v_below": 15.0, "limited_zeta": 1.0}, 20.0),
-)
+def steps(speeds: Speeds) -> tuple[Step, ...]:
+    """The steps of the specification, at the airframe's own speeds.
+
+    For 15 to 25 m/s: from 16, 18, 20 and 25 m/s, with steps in speed of 4 m/s. Bounds are the project's aim
+    for the X8: times in s, overshoot and errors as fractions of the step.
+    """
+    slow, low, middle, fast = (speeds.within(share) for share in (0.1, 0.3, 0.5, 1.0))
+    to_fast = speeds.within(0.9)
+    dive = {"v_above": speeds.v_max_mps, "v_below": speeds.v_min_mps, "limited_zeta": 1.0}
+    return (
+        _turn(slow, 0.34),
+        _turn(middle, 0.36),
+        _turn(fast, 0.38),
+        Step("speed", slow, (middle, 0.0, 0.0), {"settling_s": 1.6, "overshoot": 0.01}),
+        Step("speed", middle, (to_fast, 0.0, 0.0), {"settling_s": 2.2, "overshoot": 0.01}),
+        _climb(slow, 2.0, 0.33, 0.4),
+        _climb(slow, 3.9, 0.48, 0.8),
+        _climb(fast, 2.0, 0.33, 0.4),
+        _climb(fast, 3.9, 0.48, 0.8),
+        *(
+            Step("all", v, (to, TURN, 3.9), {"omega_overshoot": 0.04, "crossings": 1.0})
+            for v, to in ((slow, middle), (low, speeds.within(0.7)), (middle, to_fast))
+        ),
+        Step("dive", slow, (slow, 0.0, -3.9), dive, 20.0),
+    )
+
+
 AT_LEAST = ("v_below", "limited_zeta", *MARGINS)
 # What no airframe is let off: the rest is wider by its step_factor.
 ABSOLUTE = ("crossings", "v_above", *AT_LEAST)
@@ -149,11 +159,13 @@ def margin_rows(airframe: Airframe, speeds: Sequence[float] | None = None, dt: f
     return rows
 
 
-def turbulence_rows(airframe: Airframe, v: float = 18.0, seed: int = 1) -> list[Row]:
+def turbulence_rows(airframe: Airframe, v: float | None = None, seed: int = 1) -> list[Row]:
     """A minute of JSBSim's own MIL-F-8785C moderate turbulence: no command at its stop; tracking rms.
 
     The rms have no target: they are what a wing in such air does.
+    v  m/s, by default a third of the way up the airframe's speeds: 18 m/s for 15 to 25 m/s
     """
+    v = airframe.speeds.within(0.3) if v is None else v
     fdm = Fdm(airframe, 0.005, Origin())
     fdm.start(Start(0.0, 0.0, 0.0, 0.0, v))
     fdm.turbulence(_TURBULENCE_W20_MPS, 4, seed)
@@ -182,7 +194,9 @@ def _mixed(airframe: Airframe) -> bool:
 
 def evaluate(airframe: Airframe, groups: Sequence[str] = GROUPS) -> list[Row]:
     """Every row of the specification that belongs to `groups`."""
-    rows = [row for step in STEPS if step.group in groups for row in flown(airframe, step)[1]]
+    rows = [
+        row for step in steps(airframe.speeds) if step.group in groups for row in flown(airframe, step)[1]
+    ]
     if "margins" in groups:
         rows += margin_rows(airframe)
     if "turbulence" in groups:

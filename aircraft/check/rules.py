@@ -8,9 +8,10 @@ from difflib import get_close_matches
 import numpy as np
 
 from aircraft.airframes.files import Files, Finding, toml_line
+from aircraft.airframes.provenance import stale_feedforward, stale_lags
 from aircraft.airframes.references import declared
 from aircraft.airframes.schema import property_name
-from aircraft.autopilots.equations import autopilot, system_xml
+from aircraft.autopilots.equations import MADE_BY, autopilot, system_xml
 from aircraft.autopilots.gains import gain_faults
 from aircraft.check.spelling import ENGINE, MODEL
 from aircraft.jsbsim.properties import NODES, TELEMETRY
@@ -124,7 +125,7 @@ def _autopilot(files: Files) -> list[Finding]:
     wanted |= {p for p, _, _ in TELEMETRY.values() if p.startswith("ap/")}
     if missing := sorted(wanted - have):
         message = f"the autopilot has no {', '.join(missing)}"
-        remedy = "make systems/autopilot.xml with: python -m aircraft.autopilots.equations FOLDER"
+        remedy = "run: testbed aircraft autopilot FOLDER"
         findings.append(Finding("autopilot", "error", system, line, message, remedy))
     toml = files.folder / "airframe.toml"
     for section, names in files.airframe.gains.items():
@@ -149,19 +150,35 @@ def _gains(files: Files) -> list[Finding]:
 def _current(files: Files) -> list[Finding]:
     """Whether the compiled autopilot is what the equations and the gains say."""
     path = files.folder / "systems" / "autopilot.xml"
-    if not path.is_file() or "python -m aircraft.autopilots.equations" not in path.read_text(
-        encoding="utf-8", errors="replace"
-    ):
+    if "systems/autopilot.xml" not in files.trees or not path.is_file():
         return []
+    text = path.read_text(encoding="utf-8", errors="replace")
+    if not any(mark in text for mark in (MADE_BY, "Made by `python -m aircraft.autopilot")):
+        return []  # somebody's own
     try:
         now = system_xml(autopilot(), files.airframe.gain_values())
     except ValueError:
         return []  # a missing gain, which another rule names
-    if path.read_text(encoding="utf-8") == now:
+    if text == now:
         return []
     message = "not what the equations and the gains of airframe.toml compile to"
-    remedy = "run: python -m aircraft.autopilots.equations FOLDER"
-    return [Finding("autopilot", "warning", "systems/autopilot.xml", 1, message, remedy)]
+    return [Finding("autopilot", "warning", "systems/autopilot.xml", 1, message, _compile(files))]
+
+
+def _compile(files: Files) -> str:
+    return f"run: testbed aircraft autopilot {files.airframe.argument}"
+
+
+def _derived(files: Files) -> list[Finding]:
+    """Whether identified lags and fitted feed-forward are of this model and these gains."""
+    toml = files.folder / "airframe.toml"
+    stale = {"identified": stale_lags(files.airframe), "fitted": stale_feedforward(files.airframe)}
+    findings = []
+    for table, why in stale.items():
+        if why is not None:
+            message, _, remedy = why.partition("; ")
+            findings.append(Finding("stale", "warning", toml.name, toml_line(toml, table), message, remedy))
+    return findings
 
 
 RULES: tuple[Callable[[Files], list[Finding]], ...] = (
@@ -174,4 +191,5 @@ RULES: tuple[Callable[[Files], list[Finding]], ...] = (
     _gains,
     _autopilot,
     _current,
+    _derived,
 )

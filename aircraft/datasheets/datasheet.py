@@ -22,7 +22,8 @@ from aircraft.autopilots.margins import (
     modes,
     response,
 )
-from aircraft.autopilots.specification import STEPS, Row, Step, flown, margin_rows, turbulence_rows
+from aircraft.autopilots.specification import Row, Step, flown, margin_rows, turbulence_rows
+from aircraft.autopilots.specification import steps as specified
 from aircraft.autopilots.tuning import Flight
 from aircraft.datasheets.envelope import Box, Corner, Limits, corners, envelope
 from aircraft.jsbsim.fdm import Fdm
@@ -94,7 +95,7 @@ def describe(
     progress  called with what is computed next
     Raises    FdmError where the model cannot be flown
     """
-    box = box or Box()
+    box = box or Box(airframe.speeds.v_min_mps, airframe.speeds.v_max_mps)
     progress("geometry and trim")
     sizes = geometry(airframe)
     trims = trim_rows(airframe, box)
@@ -108,7 +109,7 @@ def describe(
         found_loops += [compare(airframe, v, loop) for loop in loops(airframe)]
     progress("steps")
     steps, rows = [], []
-    for step in STEPS:
+    for step in specified(airframe.speeds):
         flight, scored = flown(airframe, step)
         steps.append((step, flight))
         rows += scored

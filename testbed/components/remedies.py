@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from aircraft.airframes.provenance import stale_lags
 from aircraft.airframes.schema import Airframe, Channel
 from aircraft.kinematic import Lag
 from filters.barriers.pairs import Barrier
@@ -116,9 +117,11 @@ def identified_lags(airframe: Airframe, limits: bool = True) -> tuple[Lag, Lag, 
     known = airframe.identified
     if known is None:
         raise UserError(
-            f"lags: airframe {airframe.name} has no identified channels; run"
-            f' python -m aircraft.autopilots.identification {airframe.folder}, or set lags.source = "table"'
+            f"lags: airframe {airframe.name} has no identified channels; run: testbed aircraft identify"
+            f' {airframe.argument}; or set lags.source = "table"'
         )
+    if (why := stale_lags(airframe)) is not None:
+        raise UserError(f'lags: airframe {airframe.name}: {why}; or set lags.source = "table"')
 
     def lag(c: Channel) -> Lag:
         rise = math.inf if c.rate_max is None or not limits else c.rate_max

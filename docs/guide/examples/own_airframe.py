@@ -9,8 +9,7 @@ from pathlib import Path
 
 import testbed
 from aircraft import airframe
-from aircraft.autopilots import equations
-from aircraft.jsbsim import trim
+from aircraft.autopilots import remaking
 
 MASS_KG = 3.864
 
@@ -27,10 +26,10 @@ if __name__ == "__main__":
     # The model; and what airframe.toml knows of it: the autopilot's feed-forward, and what `check` compares.
     change(folder / "x8.xml", r'(<emptywt unit="KG">) .* (</emptywt>)', rf"\1 {MASS_KG} \2")
     change(folder / "airframe.toml", r"^mass_kg = [\d.]+", f"mass_kg = {MASS_KG}")
-    # Feed-forward fitted to its own level trims, as `python -m aircraft.jsbsim.trim FOLDER` prints it.
-    for gain, value in trim.feedforward(airframe.load(folder)).items():
-        change(folder / "airframe.toml", rf"^{gain} = [-\d.]+", f"{gain} = {value:.6g}")
-    equations.main(folder)  # systems/autopilot.xml has the gains in it
+    # Feed-forward fitted to its own level trims, the autopilot that has the gains in it, and lags: what
+    # `testbed aircraft trim`, `autopilot` and `identify` write.
+    for remade in (remaking.remade_feedforward, remaking.remade_autopilot, remaking.remade_lags):
+        remade(airframe.load(folder)).write()
 
     settings = ["plant=jsbsim", "lookahead_m=10", "filter_dt_s=0.05", "record_dt_s=0.05", "duration_s=10"]
     for name in ("x8", str(folder)):

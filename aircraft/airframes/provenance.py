@@ -1,0 +1,109 @@
+"""Fingerprints of what derived numbers were made from: identified lags and fitted feed-forward.
+
+A fingerprint covers the model's XML as JSBSim reads it, without comments and layout, and the gains and speeds
+of airframe.toml that enter. It does not cover names, sources or [identified] itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from aircraft.airframes.files import read_folder
+from aircraft.airframes.schema import Airframe, property_name
+from aircraft.airframes.xml import Element
+
+# Gains that `testbed aircraft trim` fits, and those that the fit uses.
+FITTED = (
+    "cl_0",
+    "cl_alpha",
+    "cd_0",
+    "cd_1",
+    "cd_2",
+    "elevator_0_rad",
+    "elevator_per_alpha",
+    "elevator_per_alpha2",
+)
+_USED = ("mass_kg", "wing_area_m2", "thrust_area_share", "motor_speed_mps", "elevator_norm_rad")
+_AUTOPILOT = "systems/autopilot.xml"
+_PROSE = {"fileheader", "documentation", "description", "note", "author", "license", "reference", "email"}
+_DIGITS = 16  # hexadecimal
+
+
+def identified_fingerprint(airframe: Airframe) -> str:
+    """Of what lags are identified on: the model with its autopilot, all gains, the speeds of the steps."""
+    return _digest([_model(airframe, autopilot=True), airframe.gains, airframe.speeds.model_dump()])
+
+
+def fitted_fingerprint(airframe: Airframe) -> str:
+    """Of the fitted gains and of what they are fitted to: the model, and the gains and speeds that enter."""
+    known = airframe.gains.get("airframe", {})
+    envelope = airframe.gains.get("envelope", {}).get("airspeed_min_mps")
+    gains = {name: known.get(name) for name in (*FITTED, *_USED)}
+    return _digest([_model(airframe, autopilot=False), gains, envelope, airframe.speeds.v_max_mps])
+
+
+def stale_lags(airframe: Airframe) -> str | None:
+    """Why the identified lags are not this aircraft's, and what remakes them; None if they are."""
+    if airframe.identified is None:
+        return None
+    remedy = f"run: testbed aircraft identify {airframe.argument}"
+    if airframe.identified.fingerprint is None:
+        return f"[identified] does not say from which model and gains it was made; {remedy}"
+    if airframe.identified.fingerprint != identified_fingerprint(airframe):
+        return f"[identified] was made from another model, other gains or other speeds; {remedy}"
+    return None
+
+
+def stale_feedforward(airframe: Airframe) -> str | None:
+    """Why the fitted feed-forward is not this model's, with the command that remakes it; None if it is.
+
+    Gains without a [fitted] table are a person's own, and never stale.
+    """
+    if airframe.fitted is None or airframe.fitted.fingerprint == fitted_fingerprint(airframe):
+        return None
+    return (
+        "[fitted]: the feed-forward of [gains.airframe] was fitted to another model, or was edited since;"
+        f" run: testbed aircraft trim {airframe.argument}"
+    )
+
+
+def _model(airframe: Airframe, autopilot: bool) -> list[Any]:
+    """The XML files that the model consists of, in order of their names, as nested lists."""
+    files, _ = read_folder(airframe.folder)
+    if files is None:
+        return []
+    # Defaults of gains in the autopilot are overwritten by airframe.toml whenever the model is loaded.
+    gains = {property_name(name) for name in airframe.gain_values()}
+    return [
+        [name, *_element(tree, gains)]
+        for name, tree in sorted(files.trees.items())
+        if autopilot or name != _AUTOPILOT
+    ]
+
+
+def _element(e: Element, gains: set[str]) -> Iterator[Any]:
+    yield e.name
+    yield sorted((key, _plain(value)) for key, value in e.attributes.items())
+    yield _plain(e.text)
+    for child in e.children:
+        default = child.name == "property" and "value" in child.attributes
+        if child.name not in _PROSE and not (default and child.text in gains):
+            yield list(_element(child, gains))
+
+
+def _plain(text: str) -> list[str | float]:
+    """Words and numbers, so that 0.5 and 0.50 are alike."""
+    words: list[str | float] = []
+    for word in text.split():
+        try:
+            words.append(float(word))
+        except ValueError:
+            words.append(word)
+    return words
+
+
+def _digest(content: list[Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:_DIGITS]
