@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,10 @@ def test_parts_are_flown_and_named_in_the_manifest(tmp_path: Path) -> None:
     parts = testbed.Parts(plant=fleet, nominal=Straight, disturbance=windy)
     run = testbed.run(scenario, tmp_path / "r", parts=parts)
     assert set(run.manifest["parts"]) == {"plant", "nominal", "disturbance"}
-    assert run.manifest["parts"]["nominal"].endswith("test_parts.Straight")
+    straight = run.manifest["parts"]["nominal"]
+    assert straight["name"].endswith("test_parts.Straight") and straight["file"] == "test_parts.py"
+    assert straight["sha256"] == hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    assert run.part("nominal") == straight["name"] and run.part("filter") is None
     assert np.allclose(run.vehicles.v_nominal_mps, 18.0) and np.allclose(run.vehicles.wind_east_mps, 4.0)
 
 

@@ -77,7 +77,7 @@ def test_commands_from_outside_are_what_the_filter_alters() -> None:
     run = session.judge()
     assert (run.vehicles.v_nominal_mps == 20.0).all() and (run.vehicles.omega_nominal_radps == 0.0).all()
     assert run.vehicles.override.any(), "40 m apart and head-on the filter has to turn them"
-    assert run.manifest["parts"] == {"nominal": "commands given step by step"}
+    assert run.part("nominal") == "commands given step by step"
 
 
 def test_guidance_given_by_hand_flies_the_run() -> None:
@@ -107,7 +107,7 @@ def test_past_the_filter_commands_are_flown_unclipped_and_judged() -> None:
     run = session.judge()
     assert (run.vehicles.v_mps[run.vehicles.t_s > 0] == 40.0).all()
     assert run.guarantee("command-limits")["verdict"] == "violated"
-    assert run.manifest["parts"]["filter"] == "passed by on request"
+    assert run.part("filter") == "passed by on request"
     assert run.guarantee("qp-feasibility")["verdict"] == "not applicable"
 
 

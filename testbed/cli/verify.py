@@ -82,7 +82,9 @@ def _reasons(wrong: list[Finding], left: list[Finding]) -> list[str]:
 
 def _last(findings: list[Finding], wrong: list[Finding], left: list[Finding], fly: bool) -> str:
     if wrong:
-        return textwrap.fill("differs: " + ", ".join(f.what for f in wrong), 80, subsequent_indent="  ")
+        again = [f.what.removeprefix("again: ") for f in wrong if f.what.startswith(("again", "flown again"))]
+        words, names = ("flown otherwise", again) if again else ("differs", [f.what for f in wrong])
+        return textwrap.fill(f"{words}: {', '.join(names)}", 80, subsequent_indent="  ")
     agreed = f"{len(findings) - len(left)} of {len(findings)} verdicts and columns reproduced"
     if not left:
         return agreed

@@ -13,6 +13,7 @@ from filters.filter import Choose
 from filters.model import Array
 from testbed.components import catalogue
 from testbed.components.guidance import Guidance
+from testbed.components.provenance import Origin, origin
 from testbed.environment.environment import Environment
 from testbed.scenario.scenario import Scenario
 
@@ -34,10 +35,7 @@ class Parts:
     nominal: Callable[[Scenario, Array, Barrier], Guidance] = catalogue.nominal
     disturbance: Callable[[Scenario, dict[str, np.random.Generator]], Environment] = catalogue.disturbance
 
-    def own(self) -> dict[str, str]:
-        """Part -> the Python name of its maker, for the parts that are not the catalogue's."""
+    def own(self) -> dict[str, Origin]:
+        """Part -> where its maker comes from, for the parts that are not the catalogue's."""
         changed = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
-        return {
-            part: f"{getattr(maker, '__module__', '?')}.{getattr(maker, '__qualname__', repr(type(maker)))}"
-            for part, maker in changed.items()
-        }
+        return {part: origin(maker) for part, maker in changed.items()}

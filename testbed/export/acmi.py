@@ -64,7 +64,7 @@ def escaped(text: str) -> str:
 
 def _globals(run: Run) -> Iterator[str]:
     s, origin = run.manifest["scenario"], Origin()
-    title = f"{s['name']} on {run.manifest.get('parts', {}).get('plant', s['plant'])}"
+    title = f"{s['name']} on {run.part('plant') or s['plant']}"
     verdicts = [
         f"{v.id}: {v.status}" + ("" if v.value is None else f", {number(v.value)} {v.unit}".rstrip())
         for v in run.guarantees

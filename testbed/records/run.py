@@ -174,6 +174,11 @@ class Run:
         table = pd.DataFrame([v.to_json() for v in self.guarantees]).set_index("id")
         return table[first + [c for c in table.columns if c not in first]]
 
+    def part(self, what: str) -> str | None:
+        """Name of the user's own part flown as `what` (plant, filter, nominal, disturbance); None if none."""
+        origin = self.manifest.get("parts", {}).get(what)
+        return None if origin is None else str(origin["name"])
+
     def guarantee(self, name: str) -> Verdict:
         """The verdict on the claim with that id; KeyError if there is none."""
         for verdict in self.guarantees:

@@ -16,6 +16,7 @@ from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
 from testbed.components import catalogue
 from testbed.components.initial_conditions import generators
+from testbed.components.provenance import Origin
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.solo_time import solo_time
 from testbed.records.run import Run
@@ -25,11 +26,11 @@ from testbed.simulation.assembly import Assembled, Setting
 
 
 def judge(
-    setting: Setting, made: Assembled, statistics: RunStatistics, own: dict[str, str], end: str | None
+    setting: Setting, made: Assembled, statistics: RunStatistics, own: dict[str, Origin], end: str | None
 ) -> Run:
     """The run, with all claims judged; its tables and its wall time are left to the caller.
 
-    own  the parts that are not the scenario's -> whose they are
+    own  the parts that are not the scenario's -> where they come from
     end  why the run ended before its time, or None
     """
     s, barrier, limits = setting.scenario, setting.barrier, setting.limits
@@ -38,7 +39,7 @@ def judge(
     alone = solo_time(made.guidance, limits, start, setting.goal, s.goal_radius_m)
     flown = guarantees.Flown(s, statistics, setting.i, setting.j, setting.started_safe, end, straight, alone)
     # What a plant of one's own can fly steadily is not known: that is no pass.
-    unknown = [f"unknown whether {own['plant']} can fly it"] if "plant" in own else []
+    unknown = [f"unknown whether {own['plant'].name} can fly it"] if "plant" in own else []
     verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, made.aircraft))
     verdicts += guarantees.judge(flown)
     if made.replay is not None and statistics.near_misses is not None and end is None:
@@ -52,7 +53,8 @@ def judge(
         verdicts.append(
             manoeuvre.fly(s, made.replay.branch, wind, barrier, limits, when, setting.i, setting.j)
         )
-    manifest = _manifest(s, statistics, end, made.aircraft) | ({"parts": own} if own else {})
+    parts = {part: where.to_json() for part, where in own.items()}
+    manifest = _manifest(s, statistics, end, made.aircraft) | ({"parts": parts} if own else {})
     record = declaration(made.filter).record
     if record is not None:
         verdicts += monitored(record, s)

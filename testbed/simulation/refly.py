@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,37 +22,50 @@ from testbed.scenario.scenario import parse
 from testbed.simulation.simulate import Progress, run
 from testbed.verification.finding import Finding
 
-# Manifest fields that equal runs need not share.
-PASSING = {"sha256", "files", "versions"}
+# Manifest fields that equal runs need not share, or that are compared by themselves.
+PASSING = {"sha256", "files", "versions", "airframes"}
 
 
 def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
-    """Fly the run in `folder` again; one finding per file, and one per claim that differs.
+    """Fly the run in `folder` again; a finding per table and airframe, and one per claim that differs.
 
+    Any difference is a finding that does not agree, whatever its cause; the packages whose versions differ
+    are named with it.
     Raises  UserError if its scenario is none.
     """
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     if parts := manifest.get("parts"):
-        words = ", ".join(f"{what} {whose}" for what, whose in sorted(parts.items()))
+        words = ", ".join(f"{what} {origin['name']}" for what, origin in sorted(parts.items()))
         return [Finding("flown again", "a run", "not flown", None, None, f"it had parts of its own: {words}")]
     s = parse(manifest["scenario"], f"{folder / 'manifest.json'}: scenario", keep_idle=True)
-    other = _other_versions(manifest, catalogue.versions() | catalogue.airframe_hashes(s))
+    try:
+        found = list(_airframes(manifest, catalogue.airframe_hashes(s)))
+    except UserError as error:
+        return [Finding("again: airframes", "flown", "not to be read", False, None, str(error))]
     with tempfile.TemporaryDirectory() as place:
         again = Path(place) / "again"
         try:
             run(s, again, force=True, progress=progress)
         except UserError as error:
-            return [Finding("flown again", "a run", "refused", False, None, str(error))]
-        found = list(_compared(folder, again, manifest))
-    if other and any(f.agrees is False for f in found):
-        # Then the cause is not known: the record or the versions.
-        return [Finding(f.what, f.said, f.own, f.agrees or None, None, f"{f.why}; {other}") for f in found]
-    return found
+            return [*found, Finding("flown again", "a run", "refused", False, None, str(error))]
+        found += _compared(folder, again, manifest)
+    other = _other_versions(manifest.get("versions", {}), catalogue.versions())
+    if not other:
+        return found
+    return [f if f.agrees else replace(f, why="; ".join(filter(None, (f.why, other)))) for f in found]
 
 
-def _other_versions(manifest: dict[str, Any], here: dict[str, str]) -> str:
-    """Packages and airframes whose version differs from the one that flies here."""
-    there = {**manifest.get("versions", {}), **manifest.get("airframes", {})}
+def _airframes(manifest: dict[str, Any], here: dict[str, str]) -> Iterator[Finding]:
+    """The airframes' files are those that flew."""
+    there = manifest.get("airframes", {})
+    for name in sorted(there | here):
+        said, own = (hashes.get(name, "none") for hashes in (there, here))
+        why = "" if said == own else "its files are not those that flew"
+        yield Finding(f"again: airframe {name}", said[:12], own[:12], said == own, None, why)
+
+
+def _other_versions(there: dict[str, str], here: dict[str, str]) -> str:
+    """The packages whose version differs from the one that flies here."""
     names = [name for name in sorted(there | here) if there.get(name) != here.get(name)]
     return f"flown by other versions of {', '.join(names)}" if names else ""
 

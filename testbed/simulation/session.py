@@ -13,6 +13,7 @@ from filters.filter import Decision
 from filters.model import Array, Command, State, View
 from testbed.components import catalogue
 from testbed.components.components import Parts
+from testbed.components.provenance import Origin
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.saturation import Saturation
@@ -165,8 +166,8 @@ class Session:
             self._end = f"judged before its end at {self._now.t:.3f} s; run stopped"
         self._recorder.close()
         self._rows.close()
-        given = {"nominal": "commands given step by step"} if self._commanded else {}
-        given |= {"filter": "passed by on request"} if self._unfiltered else {}
+        given = {"nominal": Origin("commands given step by step")} if self._commanded else {}
+        given |= {"filter": Origin("passed by on request")} if self._unfiltered else {}
         own = self._parts.own() | given
         self._run = judge(self._setting, self._made, self._statistics, own, self._end)
         self._run.timing = {"wall_s": time.perf_counter() - self._began}

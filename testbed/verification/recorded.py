@@ -59,8 +59,8 @@ class Recorded:
         return round(rates["record_dt_s"] / rates[name])
 
     @property
-    def parts(self) -> dict[str, str]:
-        """Parts of the run that were not the scenario's: what -> whose."""
+    def parts(self) -> dict[str, dict[str, str | None]]:
+        """Parts of the run that were not the scenario's: what -> name, file, SHA-256 of the source."""
         return dict(self.manifest.get("parts", {}))
 
     def channels(self, suffix: str) -> Array:
