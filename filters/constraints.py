@@ -56,7 +56,8 @@ class Constraints:
         Raises  FloatingPointError naming the vehicles of the first row with a number that is not finite. A
                 NaN compares false with everything, so it would remove the constraint without a sign.
         """
-        rows = cls(vehicles, lie, h, -alpha_h - drift, drift)
+        rhs = -alpha_h if isinstance(drift, float) and drift == 0.0 else -alpha_h - drift
+        rows = cls(vehicles, lie, h, rhs, drift)
         rows.check_finite()
         return rows
 
@@ -83,16 +84,15 @@ class Constraints:
     def left(self, u: Array) -> Array:
         """L_g h u (R,) of inputs u (N, 3)."""
         total = self.lie[0] * taken(u, self.vehicles[0])
-        for lie, vehicle in zip(self.lie[1:], self.vehicles[1:], strict=True):
-            total = total + lie * taken(u, vehicle)
+        for s in range(1, len(self.lie)):
+            total += self.lie[s] * taken(u, self.vehicles[s])
         x, y, z = total.T
         return x + y + z  # type: ignore[no-any-return]
 
     def parts(self, u: Array) -> tuple[Array, ...]:
         """What each of the k vehicles adds to `left`, (R,) each."""
-        return tuple(
-            dot(lie, taken(u, vehicle)) for lie, vehicle in zip(self.lie, self.vehicles, strict=True)
-        )
+        sides = zip(self.lie, self.vehicles, strict=True)
+        return tuple([dot(lie, taken(u, vehicle)) for lie, vehicle in sides])
 
     def least(self, lower: Array, upper: Array) -> Array:
         """The smallest `left` (R,) of inputs between lower and upper, both (N, 3)."""

@@ -44,10 +44,11 @@ class _Arrays:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        return getattr(self, self._names[0]).shape  # type: ignore[no-any-return]
+        """The shape common to all fields: (N,), or (observers, N) in a View."""
+        return self.__dict__[self._names[0]].shape  # type: ignore[no-any-return]
 
     def __len__(self) -> int:
-        return self.shape[-1]
+        return self.__dict__[self._names[0]].shape[-1]  # type: ignore[no-any-return]
 
     def __getitem__(self, index: Any) -> Self:
         """The same fields at `index` of every array: `state[[0, 2]]`, `state[..., i]`."""
@@ -57,7 +58,7 @@ class _Arrays:
         """The fields stacked along a new last axis, in the order they are declared; a copy."""
         out = np.empty((*self.shape, len(self._names)))
         for k, name in enumerate(self._names):
-            out[..., k] = getattr(self, name)
+            out[..., k] = self.__dict__[name]
         return out
 
     @classmethod

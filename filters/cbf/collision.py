@@ -105,7 +105,8 @@ class CollisionFilter:
 
     def problem(self, view: View, nominal: Command, limits: Limits) -> Problem:
         """The step's targets and limits, and gamma for vehicles whose QP has no solution."""
-        return Problem(*input_set(view, nominal, limits), self.gamma(len(view.state)), self.solver)
+        target, lower, upper = input_set(view, nominal, limits)
+        return Problem(target, lower, upper, self.gamma(len(target)), self.solver)
 
     def shares(
         self, blocks: Sequence[Constraints], n: int, margin: Margin | None = None
@@ -127,20 +128,17 @@ class CollisionFilter:
         pairs, blocks = self._made(view)
         n = len(problem.target)
         if self.mode == "centralised":
-            raised = [rows.raised(self.margin) for rows in blocks]
+            raised = blocks if self.margin is None else [rows.raised(self.margin) for rows in blocks]
             left = [rows.left(problem.clipped) for rows in blocks]
-            if all((have >= rows.rhs).all() for have, rows in zip(left, raised, strict=True)):
+            if all([(have >= rows.rhs).all() for have, rows in zip(left, raised, strict=True)]):
                 return _as_wanted(problem, pairs, left[0])
             u, status, residual = problem.centralised(raised)
         elif view.shared:
             each = self.shares(blocks, n, self.margin)
-            parts = [rows.parts(problem.clipped) for rows in blocks]
-            if all(
-                (have >= rhs).all()
-                for own, due in zip(parts, each, strict=True)
-                for have, rhs in zip(own, due, strict=True)
-            ):
-                return _as_wanted(problem, pairs, parts[0][0] + parts[0][1])
+            parts = [part for rows in blocks for part in rows.parts(problem.clipped)]
+            due = [rhs for own in each for rhs in own]
+            if all([(part >= rhs).all() for part, rhs in zip(parts, due, strict=True)]):
+                return _as_wanted(problem, pairs, parts[0] + parts[1])
             u, status, residual = problem.limited(own_rows(blocks, each))
         else:
             gamma = self.gamma(n)
@@ -156,13 +154,13 @@ class CollisionFilter:
         own = view.own()
         pairs = self.barrier.values(own.state)
         rows = pair_rows(pairs, own.state, self.alpha)
-        if not self.also:
-            return pairs, (rows,)
-        return pairs, (rows, *(block for maker in self.also for block in maker(own)))
+        return pairs, (rows, *(block for maker in self.also for block in maker(own))) if self.also else (
+            rows,
+        )
 
 
 def _as_wanted(problem: Problem, pairs: PairValues, hdot: Array) -> Decision:
     """What is wanted, inside the limits, satisfies every row, as it mostly does: the optimum."""
-    n = len(problem.target)
-    solved = np.full(n, int(Status.SOLVED))
-    return problem.decision(problem.clipped, solved, np.zeros(n), pairs, hdot)
+    solved = np.empty(len(problem.target), dtype=int)
+    solved[:] = Status.SOLVED
+    return problem.decision(problem.clipped, solved, np.zeros(len(solved)), pairs, hdot)

@@ -22,8 +22,10 @@ def pair_rows(pairs: PairValues, state: State, alpha: Alpha) -> Constraints:
     pairs  a barrier's values at `state`, (N,) or the state of a View
     Raises FloatingPointError naming the pair if h, its derivative or alpha(h) is not finite.
     """
-    alpha_h = np.asarray(alpha(pairs.h), dtype=float)
-    return Constraints.of((vehicle_of(pairs.i), vehicle_of(pairs.j)), pairs.lie(state), pairs.h, alpha_h)
+    rhs = -np.asarray(alpha(pairs.h), dtype=float)
+    rows = Constraints((vehicle_of(pairs.i), vehicle_of(pairs.j)), pairs.lie(state), pairs.h, rhs)
+    rows.check_finite()
+    return rows
 
 
 def manoeuvres(barrier: Barrier, rows: Constraints, n: int, gamma: Array | None) -> tuple[Array, ...] | None:
@@ -32,7 +34,7 @@ def manoeuvres(barrier: Barrier, rows: Constraints, n: int, gamma: Array | None)
     gamma  the manoeuvre (N, 3) shared by all, None without one; a `PerPair` has one for each pair's row
     """
     if gamma is not None:
-        return tuple(taken(gamma, vehicle) for vehicle in rows.vehicles)
+        return tuple([taken(gamma, vehicle) for vehicle in rows.vehicles])
     if isinstance(barrier, PerPair) and len(rows.vehicles) == 2:
         return barrier.manoeuvres(*rows.vehicles, n)
     return None
@@ -51,20 +53,28 @@ def shares(
     Raises  ValueError if rows over several vehicles have no manoeuvre.
     Source  Squires et al. 2022, the QP of "Control calculation with limited communication", with |V^j| = k.
     """
+    found = _plain_shares(rows, gammas)
+    if margin is None:
+        return found
+    return tuple(rhs + amount(margin, lie) for rhs, lie in zip(found, rows.lie, strict=True))
+
+
+def _plain_shares(rows: Constraints, gammas: tuple[Array, ...] | None) -> tuple[Array, ...]:
     k = len(rows.vehicles)
     if k == 1 or not rows.rhs.size:
-        found = [rows.rhs] * k
-    elif gammas is None:
+        return (rows.rhs,) * k
+    if gammas is None:
         raise ValueError(
             "limited communication splits a row by an evading manoeuvre that all know, and this barrier has"
             " none; give it one, or use the centralised filter"
         )
-    else:
-        flown = [dot(lie, gamma) for lie, gamma in zip(rows.lie, gammas, strict=True)]
-        found = [rows.rhs / k + sum(own - other for other in flown if other is not own) / k for own in flown]
-    if margin is None:
-        return tuple(found)
-    return tuple(rhs + amount(margin, lie) for rhs, lie in zip(found, rows.lie, strict=True))
+    flown = [dot(lie, gamma) for lie, gamma in zip(rows.lie, gammas, strict=True)]
+    level = rows.rhs / k
+    if k == 2:  # the same in fewer steps; most rows are of pairs
+        difference = (flown[0] - flown[1]) / 2
+        return level + difference, level - difference
+    mean = sum(flown[1:], flown[0]) / k
+    return tuple(level + (own - mean) for own in flown)
 
 
 def own_rows(blocks: Sequence[Constraints], parts: Sequence[tuple[Array, ...]]) -> Constraints:
