@@ -1,7 +1,7 @@
-"""One process that does jobs one at a time, and what stands at either end of its pipes.
+"""Runs a worker process, hands it one job at a time, and starts it again when it has died.
 
-A fresh interpreter, not a fork: the same on every platform, no lock or solver state inherited half-way, and
-unlike multiprocessing's it may be started from a cluster's daemonic workers.
+The process is a new interpreter, not a fork: it works alike on every platform, inherits no lock and no
+solver state, and, unlike those of multiprocessing, it may be started from a cluster's daemonic workers.
 """
 
 from __future__ import annotations
@@ -9,29 +9,27 @@ from __future__ import annotations
 import os
 import pickle
 import platform
-import queue
 import signal
 import subprocess
 import sys
-import threading
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from testbed.campaigns.outcome import CrashError, Outcome
+from testbed.campaigns.transfer import answered
 
-# A job that crashes its process is tried again once. One whose process is killed from outside is not to
-# blame, but what runs out of memory is killed every time.
+# A job that crashes its process is tried once more. A job whose process is killed from outside is tried
+# more often: it is not to blame, unless it runs out of memory, and then it is killed every time.
 CRASHES, KILLS = 2, 8
-# Deaths before any job began: of these nothing is learnt by trying for ever.
+# Deaths before a job began, after which no further start is tried.
 FAILED_STARTS, KILLED_STARTS = 3, 50
 OUTSIDE = {
     -getattr(signal, name) for name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name)
 }
-# One process a core: linear algebra in threads of its own would only fight the neighbours.
+# There is one process per core: threads within linear algebra would only slow the others down.
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-BOOT = "import sys; sys.path[:] = {path!r}; from testbed.campaigns.child import main; main()"
+BOOT = "import sys; sys.path[:] = {path!r}; from testbed.campaigns.worker import main; main()"
 
 
 @dataclass
@@ -52,7 +50,10 @@ class DeathError(Exception):
     def __str__(self) -> str:
         if self.code >= 0:
             return f"its process ended with exit code {self.code}"
-        return f"its process died of {signal.Signals(-self.code).name}"
+        try:
+            return f"its process died of {signal.Signals(-self.code).name}"
+        except ValueError:
+            return f"its process died of signal {-self.code}"
 
 
 class Child:
@@ -67,7 +68,9 @@ class Child:
         return self._process.pid if self._process is not None else None
 
     def do(self, index: int, message: bytes) -> Outcome:
-        """The outcome of `work(job)`, pickled as a pair in `message`, after as many tries as deaths allow.
+        """The outcome of the work and job in `message`, tried again after a death, within limits.
+
+        message  as `transfer.packed` makes it
 
         Raises RuntimeError if no process can be started, DeathError once `close` was called.
         """
@@ -114,6 +117,7 @@ class Child:
                 env=ENVIRONMENT | os.environ,
                 # Ctrl-C in a terminal is for the parent, which then closes its children.
                 start_new_session=True,
+                creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
             )
         process, started = self._process, False
         if self._closed:
@@ -123,7 +127,7 @@ class Child:
             pickle.dump(message, process.stdin)
             process.stdin.flush()
             started = pickle.load(process.stdout) == "started"
-            ok, value, wall_s = pickle.loads(pickle.load(process.stdout))
+            answer = pickle.load(process.stdout)
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
             process.kill()
             code = process.wait()
@@ -131,41 +135,4 @@ class Child:
             with suppress(OSError):
                 process.stdin.close()
             raise DeathError(code, started) from None
-        return ok, value, wall_s
-
-
-def main() -> None:
-    """The process's own end: jobs from stdin, answers to stdout, gone as soon as the parent is."""
-    inbox, outbox = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    # What a library prints must not come between the answers.
-    os.dup2(2, 1)
-    jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(inbox, jobs), daemon=True).start()
-    while True:
-        answer = _answer(jobs.get(), outbox)
-        pickle.dump(answer, outbox)
-        outbox.flush()
-
-
-def _listen(inbox: Any, jobs: queue.SimpleQueue[bytes]) -> None:
-    # A parent that was killed must not leave processes computing for nobody.
-    with suppress(Exception):
-        while True:
-            jobs.put(pickle.load(inbox))
-    os._exit(0)
-
-
-def _answer(message: bytes, outbox: Any) -> bytes:
-    began = time.perf_counter()
-    try:
-        work, job = pickle.loads(message)
-        pickle.dump("started", outbox)
-        outbox.flush()
-        began = time.perf_counter()
-        return pickle.dumps((True, work(job), time.perf_counter() - began))
-    except BaseException as error:
-        wall_s = time.perf_counter() - began
-        with suppress(Exception):
-            if isinstance(error, Exception):
-                return pickle.dumps((False, error, wall_s))
-        return pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}"), wall_s))
+        return answered(answer)

@@ -1,8 +1,8 @@
-"""The executor over dask.distributed: the same processes, on more machines than one.
+"""Runs jobs on a dask.distributed cluster, in the same kind of processes as on this machine.
 
-Each thread of a Dask worker keeps one child process of ours and waits for it. So a run that aborts takes
-nobody with it, Dask's own processes least of all, which could not tell such a run from its neighbours; what
-Dask adds is that the runs of a lost worker are flown by another.
+Each thread of a Dask worker keeps one process of ours and waits for it. So a run that aborts ends no other
+run and no process of Dask's, which could not tell which run was to blame. The runs of a lost Dask worker are
+flown by another one.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import asyncio
 import concurrent.futures
 import logging
 import math
-import pickle
 import threading
 import time
 from collections import deque
@@ -22,26 +21,27 @@ from typing import Any, Self
 
 from testbed.campaigns.child import Child
 from testbed.campaigns.outcome import CrashError, J, Outcome
+from testbed.campaigns.transfer import packed
 from testbed.errors import UserError
 
-# Of jobs given to the scheduler for each that can run; more would only fill its memory.
+# Jobs given to the scheduler for each that can run at once; more would only fill its memory.
 AHEAD = 3
-# Dask gives a task up after four lost workers; so many times it is given to it again.
+# Dask gives a task up after four lost workers; the job is submitted again so many times.
 RESUBMITTED = 4
-# A busy machine loses a connection whose scheduler is there: so often it is made again for one outcome.
+# A busy machine loses connections to a scheduler that still runs: reconnections allowed per outcome.
 RECONNECTED = 3
-# What Dask says when it has lost the scheduler, or thinks so.
+# What Dask raises when it has lost the scheduler, or takes it for lost.
 DISCONNECTED = (OSError, asyncio.CancelledError, concurrent.futures.CancelledError)
-# How long the number of workers is believed.
+# How long a number of workers is used before it is asked for again.
 COUNTED_S = 2.0
-# For the scheduler to answer, and again for its first worker.
+# Time for the scheduler to answer, and again for its first worker.
 TIMEOUT_S = 5.0
 
 _OWN = threading.local()
 
 
 def on_worker(index: int, message: bytes) -> Outcome:
-    """The task, as a Dask worker's thread does it; the message is nothing to the scheduler."""
+    """The task that a Dask worker's thread runs; the scheduler does not read the message."""
     if not hasattr(_OWN, "child"):
         _OWN.child = Child()
     outcome: Outcome = _OWN.child.do(index, message)
@@ -59,7 +59,7 @@ class Cluster:
             raise UserError(
                 "--cluster: dask.distributed is not installed; pip install 'cbf-jsbsim-testbed[cluster]'"
             ) from None
-        # What a lost connection means is said below, once.
+        # A lost connection is reported below, once.
         for name in ("distributed", *logging.root.manager.loggerDict):
             if name.startswith("distributed"):
                 logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -82,11 +82,11 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        # Asked for with every run that ends; the scheduler has better to do.
+        # Read after every run: a query each time would burden the scheduler.
         now = time.monotonic()
         if now - self._counted[0] > COUNTED_S:
             count = self._counted[1]
-            # Where it cannot be asked, the jobs it has will tell.
+            # A failure here shows again when a job is submitted.
             with suppress(*DISCONNECTED):
                 count = sum(self.client.nthreads().values())
             self._counted = (now, count)
@@ -110,9 +110,11 @@ class Cluster:
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
         from distributed import KilledWorker, as_completed
 
+        packed(work, None)
         todo, again = iter(range(len(jobs))), deque[int]()
         running: dict[Any, int] = {}
         lost: dict[int, int] = {}
+        refused: deque[Outcome] = deque()
         ended, reconnected = as_completed(loop=self.client.loop), 0
 
         def fill() -> None:
@@ -120,9 +122,14 @@ class Cluster:
                 index = again[0] if again else next(todo, None)
                 if index is None:
                     return
+                try:
+                    message = packed(work, jobs[index])
+                except UserError as error:
+                    # One job that cannot be sent costs no other.
+                    refused.append(Outcome(index, None, error, 0.0, ""))
+                    continue
                 if not again:
                     again.append(index)  # until it is given
-                message = pickle.dumps((work, jobs[index]))
                 future = self.client.submit(on_worker, index, message, pure=False)
                 again.popleft()
                 running[future] = index
@@ -133,13 +140,17 @@ class Cluster:
                 future = outcome = error = None
                 with suppress(*DISCONNECTED):
                     fill()
-                    if not running:
+                    if not running and not refused:
                         return
-                    future = next(ended)
-                    if future.status == "finished":
-                        outcome = future.result()
-                    elif future.status == "error":
-                        error = future.exception()
+                    if not refused:
+                        future = next(ended)
+                        if future.status == "finished":
+                            outcome = future.result()
+                        elif future.status == "error":
+                            error = future.exception()
+                if refused:
+                    yield refused.popleft()
+                    continue
                 if outcome is None and error is None:
                     if reconnected == RECONNECTED:
                         raise self._gone()

@@ -11,18 +11,18 @@ J = TypeVar("J")
 
 
 class CrashError(Exception):
-    """A job's process died under it, time and again; the text says how."""
+    """A job's process died each time it was tried; the text says how."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one job.
+    """The outcome of one job.
 
     index   its place among the jobs given
     result  what the work returned, if `error` is None
-    error   what the work raised, or CrashError
-    wall_s  time the work took, in its own process
-    worker  who did it
+    error   what the work raised, CrashError, or UserError if something could not be sent
+    wall_s  time the work took in its own process [s]
+    worker  machine and process that did it
     """
 
     index: int
@@ -39,7 +39,7 @@ class Outcome:
 
 
 class Executor(Protocol):
-    """Processes that outlive single calls of `imap`, so that imports are paid for once."""
+    """Does many jobs at once. Its processes stay between calls of `imap`, so that imports happen once."""
 
     @property
     def workers(self) -> int:
@@ -47,7 +47,11 @@ class Executor(Protocol):
         ...
 
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
-        """One outcome for each job, as they end. Closing the iterator abandons what is still running."""
+        """One outcome for each job, as they end. Closing the iterator abandons what is still running.
+
+        A job, a result or an exception that cannot be sent between processes is an outcome with a UserError.
+        Raises UserError if the work itself cannot be sent.
+        """
         ...
 
     def __enter__(self) -> Self: ...

@@ -1,9 +1,8 @@
-"""Processes on this machine: a thread beside each, which hands it one job at a time."""
+"""Runs jobs in processes on this machine; a thread for each process hands it one job at a time."""
 
 from __future__ import annotations
 
 import os
-import pickle
 import queue
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -12,10 +11,12 @@ from typing import Any, Self
 
 from testbed.campaigns.child import Child, DeathError
 from testbed.campaigns.outcome import J, Outcome
+from testbed.campaigns.transfer import packed
+from testbed.errors import UserError
 
 
 class Processes:
-    """`workers` processes (None: one per processor). With one job in each, a death has one culprit."""
+    """`workers` processes (None: one per processor). Each has one job at a time, so a crash has one cause."""
 
     def __init__(self, workers: int | None = None) -> None:
         self._count = workers or os.cpu_count() or 1
@@ -31,6 +32,7 @@ class Processes:
         return [child.pid for child in self._children]
 
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
+        packed(work, None)
         while len(self._children) < min(self._count, len(jobs)):
             self._children.append(Child())
         todo: queue.SimpleQueue[int | None] = queue.SimpleQueue()
@@ -82,7 +84,10 @@ def _serve(
 ) -> None:
     while (index := todo.get()) is not None:
         try:
-            done.put(child.do(index, pickle.dumps((work, jobs[index]))))
+            done.put(child.do(index, packed(work, jobs[index])))
+        except UserError as error:
+            # One job that cannot be sent costs no other.
+            done.put(Outcome(index, None, error, 0.0, ""))
         except DeathError:
             return  # closed while it worked
         except Exception as error:
