@@ -1,25 +1,73 @@
-"""What a person can mistake, said in one line."""
+"""Errors of people who use the program: mistakes in files and commands, each said in one line."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 # Of what a file says a message quotes a little; longer ones are cut.
 LONGEST_MESSAGE = 2000
+# Of several mistakes, so many are named.
+NAMED_MISTAKES = 4
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake in a file.
+
+    field   dotted path, with places in lists from 0; "" for the file itself
+    line    from 1; None where no line says the field
+    remedy  what to do about it, where the message does not say it
+    """
+
+    message: str
+    field: str = ""
+    line: int | None = None
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        said = f"{self.field}: {self.message}" if self.field else self.message
+        return (
+            said + (f"; {self.remedy}" if self.remedy else "") + (f" (line {self.line})" if self.line else "")
+        )
 
 
 class UserError(Exception):
     """Bad input from a person: the command line prints it in one line and exits with code 2.
 
-    What it quotes of a file may be anything: line breaks and what a terminal obeys are shown as escapes, and
+    file      what the mistakes are in, "" where they are in no file
+    mistakes  at least one; a message alone is one
+    What is quoted of a file may be anything: line breaks and what a terminal obeys are shown as escapes, and
     beyond `LONGEST_MESSAGE` letters it is cut.
     """
 
+    def __init__(self, *mistakes: str | Mistake, file: str = "") -> None:
+        self.file = file
+        self.mistakes = tuple(m if isinstance(m, Mistake) else Mistake(m) for m in mistakes)
+        said = list(dict.fromkeys(map(str, self.mistakes)))
+        more = len(said) - NAMED_MISTAKES
+        message = "; ".join(said[:NAMED_MISTAKES]) + (f"; and {more} more" if more > 0 else "")
+        super().__init__(printable(f"{file}: {message}" if file else message))
+
+    def located(self, line: Callable[[str], int | None]) -> UserError:
+        """The same with the lines of its fields, found by `line` of a dotted path."""
+        found = [m if m.line or not m.field else replace(m, line=line(m.field)) for m in self.mistakes]
+        return UserError(*found, file=self.file)
+
+
+class NoteWarning(UserWarning):
+    """What a person should know although it is no mistake, in one line."""
+
     def __init__(self, message: str) -> None:
-        if len(message) > LONGEST_MESSAGE:
-            message = message[:LONGEST_MESSAGE] + "..."
-        super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in message))
+        super().__init__(printable(message))
+
+
+def printable(message: str) -> str:
+    """`message` in one line: cut, with escapes for what is not printable."""
+    if len(message) > LONGEST_MESSAGE:
+        message = message[:LONGEST_MESSAGE] + "..."
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in message)
 
 
 # Longer words are cut in messages, and compared no further.
@@ -42,7 +90,3 @@ def nearest(name: str, known: Iterable[str]) -> str:
     more = len(known) - LISTED
     between = "; " if any("," in name for name in known) else ", "
     return "known: " + between.join(known[:LISTED]) + (f" and {more} more" if more > 0 else "")
-
-
-class NoteWarning(UserWarning):
-    """What a person should know although it is no mistake, in one line."""

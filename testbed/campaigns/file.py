@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from aircraft.textfile import parse_toml, read_toml
+from aircraft.textfile import line_of, parse_toml, read_text
 from testbed.claims.registry import JUDGED, SEPARATION, START_SAFE
 from testbed.errors import UserError, nearest, short
 from testbed.scenario.explain import explain
@@ -153,20 +153,24 @@ def load(source: str) -> tuple[Campaign, Path]:
         if path.is_file() or name not in builtin():
             if path.suffix != ".toml" and not path.exists():
                 raise UserError(f"unknown campaign {short(source)!r}; {nearest(name, builtin())}")
-            data = read_toml(path)
+            text = read_text(path)
         else:
-            data = parse_toml(builtin()[name])
+            text = builtin()[name]
+        data = parse_toml(text)
     except FileNotFoundError:
         raise UserError(f"campaign file {short(source)} does not exist; {nearest(name, builtin())}") from None
     except OSError as error:  # a name no file can have
         raise UserError(f"campaign file {short(source)}: {error.strerror}") from None
     except ValueError as error:
-        raise UserError(f"{source}: {error}") from None
-    return parse(data, source), path.parent
+        raise UserError(str(error), file=source) from None
+    try:
+        return parse(data, source), path.parent
+    except UserError as error:
+        raise error.located(lambda field: line_of(text, field.split("."))) from None
 
 
 def parse(data: dict[str, Any], where: str) -> Campaign:
     try:
         return Campaign.model_validate(data)
     except ValidationError as error:
-        raise UserError(f"{where}: {explain(error, Campaign)}") from None
+        raise UserError(*explain(error, Campaign), file=where) from None

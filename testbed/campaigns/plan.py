@@ -78,7 +78,9 @@ def base(campaign: Campaign, folder: Path) -> Scenario:
     source = campaign.scenario
     if Path(source).suffix == ".toml":
         source = str(folder / source)
-    data = scenario.parse(scenario.read(source), source, keep_idle=True).model_dump(mode="json")
+    data = scenario.parse(scenario.tables(scenario.read(source), source), source, keep_idle=True).model_dump(
+        mode="json"
+    )
     asked = [_path(name, "set") for name in campaign.set]
     for path, value in zip(asked, campaign.set.values(), strict=True):
         assign(data, path, value)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
@@ -61,16 +61,6 @@ class Turn(_Barrier):
     smoothing_m2: NonNegative = Field(
         default=0.0, description="eps of the smoothed barrier; 0 is the paper's, we recommend 30"
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def one_manoeuvre(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("pairs"):
-            raise ValueError(
-                "pairs: a manoeuvre for each pair breaks the shared-manoeuvre assumption"
-                " (Assumption 1 of the paper); say shared = false to study just that"
-            )
-        return data
 
     @model_validator(mode="after")
     def turns(self) -> Turn:
@@ -139,7 +129,7 @@ BARRIERS = Kinds(
         "euclidean": Euclidean,
     },
     {
-        "turn": "a turn barrier that all pairs share",
+        "turn": "a turn barrier that all pairs share (the paper's Assumption 1)",
         "turn, shared = false": "a turn barrier with a manoeuvre for each pair",
         "straight": "a straight barrier",
         "rollout": "a rollout barrier",

@@ -1,4 +1,4 @@
-"""What pydantic finds wrong with a file's tables, as one line: the field's path, the mistake, the remedy."""
+"""What pydantic finds wrong with a file's tables, one by one: the field's path, the mistake, the remedy."""
 
 from __future__ import annotations
 
@@ -7,27 +7,25 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from testbed.errors import nearest, short
+from testbed.errors import Mistake, nearest, short
 from testbed.scenario.fields import Section
 from testbed.scenario.kinds import Kinds
 
-# Of several mistakes, so many are named.
-NAMED_MISTAKES = 4
 # What pydantic adds to a path where a field may be of two types.
 _TYPES = {"float", "constrained-float", "list[float]", "list[constrained-float]", "function-after"}
 
 
-def explain(error: ValidationError, model: type[Section], kinds: Mapping[str, Kinds] | None = None) -> str:
-    """What pydantic found wrong with the data of `model`, in one line.
+def explain(
+    error: ValidationError, model: type[Section], kinds: Mapping[str, Kinds] | None = None
+) -> list[Mistake]:
+    """What pydantic found wrong with the data of `model`, without repetitions.
 
     kinds  the tables of `model` that come in kinds, by name
     """
-    said = list(dict.fromkeys(_explain(e, model, kinds or {}) for e in error.errors()))
-    more = len(said) - NAMED_MISTAKES
-    return "; ".join(said[:NAMED_MISTAKES]) + (f"; and {more} more" if more > 0 else "")
+    return list(dict.fromkeys(_explain(e, model, kinds or {}) for e in error.errors()))
 
 
-def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> str:
+def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> Mistake:
     where = [p for p in error["loc"] if p not in _TYPES]
     kinds, tag = known.get(str(where[0])) if where else None, ""
     if kinds is not None and len(where) > 1 and where[1] in kinds.models:
@@ -36,9 +34,9 @@ def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> st
     path = short(".".join(map(str, [*parents, last])))
     if error["type"] == "extra_forbidden":
         if kinds is not None and len(parents) == 1 and kinds.takers(str(last)):
-            return f"{path}: {kinds.refusal(str(last), tag)}"
+            return Mistake(kinds.refusal(str(last), tag), path)
         fields = _fields_at(parents[1:], kinds.models[tag]) if kinds and tag else _fields_at(parents, model)
-        return f"{path}: unknown field; {nearest(str(last), fields)}"
+        return Mistake("unknown field", path, remedy=nearest(str(last), fields))
     if kinds is not None and error["type"].startswith("union_tag"):
         return _unknown_kind(path, kinds, error["input"])
     message = error["msg"].removeprefix("Value error, ")
@@ -46,15 +44,15 @@ def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> st
     if error["type"] == "list_type":
         message = f"write a list, such as {path}=[{short(repr(error['input']))}]"
     got = f", got {short(repr(error['input']))}" if path and not isinstance(error["input"], dict) else ""
-    return f"{path}: {message}{got}" if path else message
+    return Mistake(message + got, path)
 
 
-def _unknown_kind(path: str, kinds: Kinds, data: Any) -> str:
+def _unknown_kind(path: str, kinds: Kinds, data: Any) -> Mistake:
     if not isinstance(data, dict):
-        return f"{path}: must be a table, got {short(repr(data))}"
+        return Mistake(f"must be a table, got {short(repr(data))}", path)
     known = list(dict.fromkeys(tag.partition(", ")[0] for tag in kinds.models))
     words = ", ".join(map(repr, known[:-1])) + f" or {known[-1]!r}"
-    return f"{path}.{kinds.key}: input should be {words}, got {short(repr(data.get(kinds.key)))}"
+    return Mistake(f"input should be {words}, got {short(repr(data.get(kinds.key)))}", f"{path}.{kinds.key}")
 
 
 def _section(annotation: Any) -> type[Section] | None:

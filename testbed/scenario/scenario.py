@@ -17,8 +17,8 @@ from typing import Any
 
 from pydantic import ValidationError, ValidationInfo, model_validator
 
-from aircraft.textfile import parse_toml, read_toml
-from testbed.errors import NoteWarning, UserError, nearest, short
+from aircraft.textfile import TextError, line_of, parse_toml, read_text
+from testbed.errors import Mistake, NoteWarning, UserError, nearest, short
 from testbed.scenario import capacity
 from testbed.scenario.barrier import PairTurns
 from testbed.scenario.contents import KINDS, SCHEMA_VERSION, Contents
@@ -85,15 +85,24 @@ def load(source: str | Path, overrides: Sequence[str] | None = None) -> Scenario
     What the file says and an override leaves without effect is left out, with a `NoteWarning`.
     Raises UserError in one line, with the file and the field's path.
     """
-    where, file = str(source), read(str(source))
+    where = str(source)
+    text = read(where)
+    file = tables(text, where)
     data = copy.deepcopy(file)
     asked = [override(data, item) for item in overrides or []]
-    made, dropped = settled(data, where)
-    if not dropped:
-        return made
-    own = {} if is_old(file) else _idle_in(file, where)
-    if any(path in own or is_within(path, asked) for path in dropped):
-        return parse(data | {"schema_version": SCHEMA_VERSION}, where)  # which refuses it
+
+    def line(field: str) -> int | None:
+        path = [int(part) if part.isdigit() else part for part in field.split(".")]
+        return None if is_within(field, asked) else line_of(text, path)
+
+    try:
+        made, dropped = settled(data, where)
+        own = {} if is_old(file) else _idle_in(file, where) if dropped else {}
+        refused = [Mistake(dropped[p], p) for p in dropped if p in own or is_within(p, asked)]
+        if refused:
+            raise UserError(*refused, file=where)
+    except UserError as error:
+        raise error.located(line) from None
     for path, why in dropped.items():
         warnings.warn(NoteWarning(f"{where}: {path} is left out: {why}"), stacklevel=2)
     return made
@@ -113,7 +122,7 @@ def parse(data: dict[str, Any], where: str = "scenario", keep_idle: bool = False
     try:
         return Scenario.model_validate(data, context={KEEP_IDLE: keep_idle})
     except ValidationError as error:
-        raise UserError(f"{where}: {explain(error, Scenario, KINDS)}") from None
+        raise UserError(*explain(error, Scenario, KINDS), file=where) from None
 
 
 def is_old(data: Mapping[str, Any]) -> bool:
@@ -189,21 +198,29 @@ def override(data: dict[str, Any], item: str) -> tuple[str, ...]:
     return path
 
 
-def read(source: str) -> dict[str, Any]:
-    """The tables of a built-in scenario or of a file; UserError where there is none."""
+def read(source: str) -> str:
+    """The text of a built-in scenario or of a file; UserError where there is none."""
     if source in builtin():
-        return parse_toml(builtin()[source])
+        return builtin()[source]
     path = Path(source)
     try:
         if path.suffix == ".toml" or path.is_file():
-            return read_toml(path)
+            return read_text(path)
     except FileNotFoundError:
         raise UserError(f"scenario file {source} does not exist") from None
     except OSError as error:  # a name no file can have
         raise UserError(f"scenario file {short(source)}: {error.strerror}") from None
-    except ValueError as error:
-        raise UserError(f"{source}: {error}") from None
+    except TextError as error:
+        raise UserError(Mistake(str(error), line=error.line), file=source) from None
     raise UserError(f"unknown scenario {short(source)!r}; {nearest(source, builtin())}")
+
+
+def tables(text: str, where: str) -> dict[str, Any]:
+    """A scenario file's text as plain data; UserError for what is no TOML."""
+    try:
+        return parse_toml(text)
+    except TextError as error:
+        raise UserError(str(error), file=where) from None
 
 
 def _idle_in(file: dict[str, Any], where: str) -> dict[str, str]:

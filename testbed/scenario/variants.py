@@ -11,10 +11,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from testbed.errors import UserError
+from testbed.errors import Mistake, UserError
 from testbed.scenario.overrides import assign
 from testbed.scenario.relevance import said
-from testbed.scenario.scenario import Scenario, override, parse, read, settled, without_foreign
+from testbed.scenario.scenario import Scenario, override, parse, read, settled, tables, without_foreign
 
 # What the ladder and other studies choose among.
 EVERY_PLANT = ("unicycle", "lagged", "jsbsim")
@@ -38,7 +38,7 @@ class Variants:
         """UserError naming a field that has no effect in any of the scenarios."""
         for path, why in self._idle.items():
             if path not in self._heard:
-                raise UserError(f"{where}: {path}: {why}")
+                raise UserError(Mistake(why, path), file=where)
 
 
 def changed(s: Scenario, fields: Mapping[str, Any], where: str = "") -> Scenario:
@@ -53,7 +53,8 @@ def load_each(
     source: str | Path, overrides: Sequence[str] | None, plants: Iterable[str]
 ) -> dict[str, Scenario]:
     """Plant -> the scenario as that plant flies it; read as `load` does."""
-    data, made, where = read(str(source)), Variants(), str(source)
+    where, made = str(source), Variants()
+    data = tables(read(where), where)
     asked = [override(data, item) for item in overrides or []]
     parse(without_foreign(data, asked)[0] | {"plant": "unicycle"}, where, keep_idle=True)
     each = {plant: made.add(data | {"plant": plant}, where) for plant in plants}
@@ -66,7 +67,7 @@ def load_base(
 ) -> Scenario:
     """A scenario that `changed` takes to other plants: each of its fields has an effect on one of them."""
     load_each(source, overrides, plants)
-    data = read(str(source))
+    data = tables(read(str(source)), str(source))
     for item in overrides or []:
         override(data, item)
     return parse(data, str(source), keep_idle=True)
