@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
+from testbed.cli.terminal import prepare, say
 from testbed.errors import UserError
 
 # Ctrl-C, a polite kill, a closed terminal (which Windows lacks): all clean up the same way.
@@ -27,6 +28,7 @@ class StoppedError(BaseException):
 
 def ending(command: Callable[[], object]) -> None:
     """Run `command` to its end and exit: 2 after a user's mistake or a full disk, 128 + n after signal n."""
+    prepare()
     try:
         with _listening():
             try:
@@ -34,16 +36,16 @@ def ending(command: Callable[[], object]) -> None:
             finally:
                 sys.stdout.flush()
     except UserError as error:
-        _say(f"error: {error}")
+        say(f"error: {error}")
         _leave(2)
     except BrokenPipeError:
         _leave(1)  # who read our output has gone, as `head` does
     except OSError as error:
-        _say(f"error: {UserError(str(error))}")
+        say(f"error: {UserError(str(error))}")
         _leave(2)
     except (StoppedError, KeyboardInterrupt) as error:
         number = getattr(error, "number", signal.SIGINT)
-        _say(f"stopped by {signal.Signals(number).name}; nothing half-written is left")
+        say(f"stopped by {signal.Signals(number).name}; nothing half-written is left")
         _leave(128 + number)
 
 
@@ -88,11 +90,6 @@ def _handled() -> bool:
     while error is not None and not isinstance(error, StoppedError):
         error = error.__context__
     return error is not None
-
-
-def _say(line: str) -> None:
-    with suppress(OSError):
-        print(line, file=sys.stderr, flush=True)
 
 
 def _leave(code: int) -> None:

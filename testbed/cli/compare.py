@@ -1,0 +1,89 @@
+"""`testbed compare`: flies one scenario on several plants, or on every rung of the fidelity ladder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbed.cli.common import (
+    ForceOption,
+    JsonOption,
+    OutOption,
+    OverwriteOption,
+    ScenarioArg,
+    SeedOption,
+    SetOption,
+    WorkersOption,
+    count,
+    display,
+    show,
+    show_study,
+    with_seed,
+)
+from testbed.errors import UserError
+
+EXAMPLE = "Example: testbed compare paper-2-turn --plants unicycle,jsbsim --out runs/head-on"
+
+
+def compare(
+    scenario: ScenarioArg,
+    plants: Annotated[
+        str | None, typer.Option("--plants", help="plants to compare; default unicycle,jsbsim")
+    ] = None,
+    set_: SetOption = None,
+    seed: SeedOption = None,
+    out: OutOption = None,
+    force: ForceOption = False,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    ladder: Annotated[
+        bool,
+        typer.Option("--ladder", help="climb the fidelity ladder instead: lags, 6-DOF, weather, network"),
+    ] = False,
+    seeds: Annotated[
+        int | None, typer.Option("--seeds", help="with --ladder: runs of each rung, from seed 1; default 20")
+    ] = None,
+    workers: WorkersOption = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html too")] = True,
+) -> None:
+    """Fly one scenario on several plants: a table of guarantees, and figures with the plants overlaid."""
+    if ladder:
+        if plants is not None:
+            raise UserError("--plants: the ladder's rungs have their own; leave it out")
+        if seed is not None:
+            raise UserError("--seed: the ladder flies seeds from 1; say how many with --seeds")
+        if force or not report:
+            raise UserError("--force and --no-report: the ladder has neither; leave them out")
+        from testbed.scenario.variants import load_base
+        from testbed.studies.ladder.study import ladder as climb
+
+        s = load_base(scenario, set_)
+        where = out or Path("runs") / f"{s.name}-ladder"
+        show_study(climb(s, count(20 if seeds is None else seeds), where, workers, overwrite), as_json)
+        return
+    if seeds is not None:
+        raise UserError("--seeds: only --ladder flies several; --seed N is one run's")
+    from testbed.report.tables import scorecard
+    from testbed.scenario.variants import load_each
+    from testbed.studies.comparison.comparison import compare as fly_all
+
+    names = [p.strip() for p in (plants or "unicycle,jsbsim").split(",") if p.strip()]
+    if not names:
+        raise UserError("--plants: name at least one plant")
+    scenarios = load_each(scenario, with_seed(set_, seed), names)
+    first = next(iter(scenarios.values()))
+    where = out or Path("runs") / f"{first.name}-compare"
+    with display() as bar:
+        result = fly_all(scenarios, where, force=force, overwrite=overwrite, progress=bar, report=report)
+    if as_json:
+        print(json.dumps(result.summary(), indent=2))
+        return
+    show(scorecard(result.runs, f"{first.name}: {first.vehicles} vehicles, Ds {first.d_safe_m:g} m"))
+    print("figures:")
+    for figure in result.figures:
+        print(f"  {figure}")
+    if report:
+        print(f"report, with playback: {where / 'report.html'}")

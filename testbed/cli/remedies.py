@@ -1,0 +1,48 @@
+"""`testbed remedies`: flies remedies at equal seeds and says which of them keep the guarantee."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbed.cli.common import (
+    STUDY_RATES,
+    JsonOption,
+    OutOption,
+    OverwriteOption,
+    PlantOption,
+    ScenarioArg,
+    SeedsOption,
+    SetOption,
+    WorkersOption,
+    count,
+    scenario_of,
+    show_study,
+)
+
+EXAMPLE = "Example: testbed remedies paper-2-turn --set lookahead_m=10 --seeds 50"
+
+
+def remedies(
+    scenario: ScenarioArg,
+    plant: PlantOption = "jsbsim",
+    set_: SetOption = None,
+    out: OutOption = None,
+    seeds: SeedsOption = 20,
+    first_seed: Annotated[int, typer.Option("--first-seed", help="the seed of the first run")] = 1,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="NAME", help="fly only this remedy; may be repeated")
+    ] = None,
+    workers: WorkersOption = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """What restores the guarantee: remedies compared at equal seeds."""
+    from testbed.studies.remedies.study import compare
+
+    s = scenario_of(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)
+    where = out or Path("runs") / f"{s.name}-remedies"
+    chosen = range(first_seed, first_seed + count(seeds))
+    show_study(compare(s, chosen, only or [], where, workers, overwrite), as_json)
