@@ -74,20 +74,28 @@ class Reporting(Broken):
 
 
 UNICYCLES = {
-    "no position": (Lost, "vehicle 2: position not finite at 0.500 s"),
-    "the plant raises": (Raising, "flying failed: RuntimeError: the engine fell off (test_faults_inside.py:"),
-    "the plant reports": (Reporting, "vehicle 2: bird strike at 0.500 s"),
+    "no position": (
+        Lost,
+        "plant",
+        "the track of step() is not finite: nan, vehicle 2, in step 24 at 0.500 s",
+    ),
+    "the plant raises": (
+        Raising,
+        "plant",
+        "step() raised RuntimeError: the engine fell off (test_faults_inside.py:",
+    ),
+    "the plant reports": (Reporting, "vehicle 2: bird strike at 0.500 s", ""),
 }
 
 
 @pytest.mark.parametrize("fault", UNICYCLES)
 @pytest.mark.parametrize("monitor", ["false", "true"])
 def test_a_plant_that_fails_ends_the_run(tmp_path: Path, fault: str, monitor: str) -> None:
-    plant, said = UNICYCLES[fault]
+    plant, who, what = UNICYCLES[fault]
     whole = run(load("paper-2-turn", BRIEF))
     parts = Parts(plant=lambda s, wind: plant(s.vehicles, s.rates.fdm_dt_s))
     result = run(load("paper-2-turn", [*BRIEF, f"filter.monitor={monitor}"]), tmp_path / "r", parts=parts)
-    broken(result, said, "")
+    broken(result, who, what)
     same_until_then(result, whole, [1, 2])
 
 
@@ -127,14 +135,16 @@ def test_a_controller_that_wants_no_number_ends_the_run() -> None:
     bad = Command([20.0, math.nan], [0.0, 0.0], [0.0, 0.0])
     parts = Parts(nominal=lambda *made_from: viewing(failing(catalogue.nominal(*made_from), bad)))
     result = run(load("paper-2-turn", BRIEF), parts=parts)
-    broken(result, "deciding failed: ValueError: the nominal command of vehicle 2 is not finite", "0.5")
+    broken(result, "guidance", "its command.v is not finite: nan, vehicle 2, in step 25 at 0.500 s")
 
 
 def test_a_filter_that_raises_ends_the_run() -> None:
     error = np.linalg.LinAlgError("singular")
     parts = Parts(filter=lambda *made_from: failing(catalogue.filter_(*made_from), error))
     broken(
-        run(load("paper-2-turn", BRIEF), parts=parts), "deciding failed: LinAlgError: singular", "at 0.500 s"
+        run(load("paper-2-turn", BRIEF), parts=parts),
+        "filter",
+        "the call raised LinAlgError: singular (test_faults_inside.py:",
     )
 
 
@@ -225,7 +235,7 @@ AIRCRAFT: dict[str, tuple[str, Callable[[Fdm], None], str, list[str]]] = {
         ["start.heights_m=[0, -297]", "duration_s=6"],
     ),
     "goes nan": ("x8", _nan, "vehicle 2: state not finite at", []),
-    "is broken inside JSBSim": ("x8", _raise, "flying failed: FdmError", []),
+    "is broken inside JSBSim": ("x8", _raise, "plant", []),
 }
 
 

@@ -19,7 +19,10 @@ BOUNDARY_M = 0.05
 
 @dataclass
 class Extreme:
-    """The smallest value seen of each of several quantities, and when it was seen first."""
+    """The smallest value seen of each of several quantities, and when it was seen first.
+
+    NaN is worse than any number: it stays, with the time when it was seen first.
+    """
 
     value: Array
     t: Array
@@ -31,18 +34,19 @@ class Extreme:
     def update(self, t: Array | float, value: Array) -> None:
         """Take in `value` (..., size) at times `t` (...)."""
         low = value if value.ndim == 1 else value.min(axis=0)
-        better = low < self.value
+        better = ~(low >= self.value)
         if not better.any():
             return
+        better &= ~np.isnan(self.value)
         when = t if value.ndim == 1 else np.asarray(t)[np.argmin(value, axis=0)]
         self.value = np.where(better, low, self.value)
         self.t = np.where(better, when, self.t)
 
     def worst(self) -> tuple[int, float, float]:
-        """Index, value and time of the smallest of all; (-1, nan, nan) if nothing was seen."""
-        if not self.value.size or not np.isfinite(self.value).any():
+        """Index, value and time of the smallest of all, NaN first; (-1, nan, nan) if nothing was seen."""
+        if not np.any(~(self.value == np.inf)):
             return -1, float("nan"), float("nan")
-        k = int(np.argmin(self.value))
+        k = int(np.argmin(self.value))  # numpy takes NaN for the smallest
         return k, float(self.value[k]), float(self.t[k])
 
 
@@ -176,7 +180,7 @@ class RunStatistics:
         status, residual  (S, N); inside  (S,) whether every pair was in the safe set
         """
         self.solves = self.solves or bool(np.any(status != Status.NONE))
-        self.worst_residual = max(self.worst_residual, float(residual.max(initial=0.0)))
+        self.worst_residual = float(np.maximum(self.worst_residual, residual.max(initial=0.0)))
         bad = (status == Status.INFEASIBLE) | (status == Status.ITERATION_LIMIT)
         for step, vehicle in np.argwhere(bad).tolist():
             name = Status(int(status[step, vehicle])).name.lower()
@@ -201,9 +205,9 @@ class RunStatistics:
             best += np.maximum(a, b).sum(axis=0)
             least += np.minimum(a, b).sum(axis=0)
         # sup over U of hdot + alpha(h), eq. (3), for pairs in their safe set
-        self.admissible.update(t, np.where(h >= 0.0, best, np.inf))
-        self._binding = least < 0.0
-        edge = np.abs(h) <= BOUNDARY_M
+        self.admissible.update(t, np.where(h < 0.0, np.inf, best))
+        self._binding = ~(least >= 0.0)
+        edge = ~(np.abs(h) > BOUNDARY_M)
         if edge.any():
             self.gradient.update(t, np.where(edge, np.sqrt(_square(lie[0]) + _square(lie[1])), np.inf))
 

@@ -15,10 +15,13 @@ from filters.filter import Choose, declaration
 from filters.model import Array, Limits, State
 from testbed.claims.guarantees import H_TOLERANCE_M
 from testbed.components import catalogue
-from testbed.components.border import adapt_guidance, adapt_plant
+from testbed.components.border.contract import Breach
+from testbed.components.border.making import Maker
+from testbed.components.border.others import OwnFilter
 from testbed.components.components import Parts
 from testbed.components.guidance import Guidance
 from testbed.components.initial_conditions import generators, places
+from testbed.components.provenance import Origin
 from testbed.environment.environment import Environment
 from testbed.errors import UserError
 from testbed.scenario.scenario import Scenario
@@ -77,19 +80,27 @@ class Assembled:
     aircraft: Sequence[Airframe]
     valued: Barrier | None
 
+    @property
+    def refused(self) -> Breach | None:
+        """Why no plant can fly the last command of a user's filter; None if it can."""
+        return self.filter.refused if isinstance(self.filter, OwnFilter) else None
 
-def put_together(setting: Setting, parts: Parts) -> Assembled:
+
+def put_together(setting: Setting, parts: Parts, own: dict[str, Origin]) -> Assembled:
     """Make every part once, and the plant ready to fly.
 
-    Raises  UserError where there is no steady flight at the start.
+    own     `parts.own()`: the parts that are a user's
+
+    Raises  UserError where there is no steady flight at the start; Breach if a user's part is none
     """
-    s, own = setting.scenario, parts.own()
-    environment = parts.disturbance(s, setting.rngs)
+    s = setting.scenario
+    maker = Maker(parts, own, s, setting.barrier, setting.goal, setting.limits)
+    environment = maker.environment(setting.rngs)
     air = environment.wind(0.0, setting.start)
     wind = np.zeros((s.vehicles, 3)) if air is None else air
 
     def make() -> Plant:
-        return adapt_plant(parts.plant(s, wind))
+        return maker.plant(wind)
 
     # Remembering the flight costs memory that grows with it: only where branches are wanted.
     replay = Replay(make) if s.checks.manoeuvre_instants else None
@@ -99,8 +110,7 @@ def put_together(setting: Setting, parts: Parts) -> Assembled:
     except RuntimeError as error:  # no steady flight at the start, in this wind
         raise UserError(f"start: {error}") from None
     aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in own else []
-    filter_ = parts.filter(s, setting.barrier, setting.goal)
-    guidance = adapt_guidance(parts.nominal(s, setting.goal, setting.barrier))
+    filter_, guidance = maker.filter(), maker.guidance()
     valued = None if "filter" in own else declaration(filter_).barrier
     return Assembled(environment, plant, filter_, guidance, air, replay, aircraft, valued)
 

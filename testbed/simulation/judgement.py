@@ -8,54 +8,61 @@ from typing import Any
 import numpy as np
 
 from aircraft.airframes.schema import Airframe
+from aircraft.replay import Replay
 from filters.filter import declaration
 from filters.model import Array, State
-from testbed.claims import guarantees, judging, manoeuvre
+from testbed.claims import guarantees, judging, manoeuvre, registry
 from testbed.claims.flyable import unflyable
 from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
 from testbed.components import catalogue
+from testbed.components.border.contract import Breach, describe
 from testbed.components.initial_conditions import generators
 from testbed.components.provenance import Origin
+from testbed.measures.near_misses import NearMisses
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.solo_time import solo_time
 from testbed.records.run import Run
 from testbed.records.store import SCHEMA_VERSION
+from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import Scenario
 from testbed.simulation.assembly import Assembled, Setting
 
 
 def judge(
-    setting: Setting, made: Assembled, statistics: RunStatistics, own: dict[str, Origin], end: str | None
+    setting: Setting,
+    made: Assembled | None,
+    statistics: RunStatistics,
+    own: dict[str, Origin],
+    end: str | None,
 ) -> Run:
     """The run, with all claims judged; its tables and its wall time are left to the caller.
 
-    own  the parts that are not the scenario's -> where they come from
-    end  why the run ended before its time, or None
+    made  None where a part could not be made
+    own   the parts that are not the scenario's -> where they come from
+    end   why the run ended before its time, or None
     """
     s, barrier, limits = setting.scenario, setting.barrier, setting.limits
     start = setting.start.position
     straight = np.linalg.norm(setting.goal - start, axis=-1)
-    alone = solo_time(made.guidance, limits, start, setting.goal, s.goal_radius_m)
+    aircraft = made.aircraft if made else ()
+    alone = _solo_time(setting, made) if made else None
     flown = guarantees.Flown(s, statistics, setting.i, setting.j, setting.started_safe, end, straight, alone)
     # What a plant of one's own can fly steadily is not known: that is no pass.
     unknown = [f"unknown whether {own['plant'].name} can fly it"] if "plant" in own else []
-    verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, made.aircraft))
+    verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, aircraft))
     verdicts += guarantees.judge(flown)
-    if made.replay is not None and statistics.near_misses is not None and end is None:
+    if made and made.replay and statistics.near_misses and end is None:
         statistics.near_misses.close()
-        when = manoeuvre.instants(s, statistics.near_misses, s.duration_s)
-
-        def wind(t: float, state: State) -> Array:
-            air = made.environment.wind(t, state)
-            return np.zeros((s.vehicles, 3)) if air is None else air
-
-        verdicts.append(
-            manoeuvre.fly(s, made.replay.branch, wind, barrier, limits, when, setting.i, setting.j)
-        )
+        try:
+            verdicts.append(_fly_manoeuvre(setting, made, made.replay, statistics.near_misses))
+        except Exception as error:
+            unflown = flown.unjudged(registry.MANOEUVRE_KEEPS_DS)
+            why = str(error) if isinstance(error, Breach) else describe(error)
+            verdicts.append(judging.premise_not_met(unflown, f"while flying gamma: {why}"))
     parts = {part: where.to_json() for part, where in own.items()}
-    manifest = _manifest(s, statistics, end, made.aircraft) | ({"parts": parts} if own else {})
-    record = declaration(made.filter).record
+    manifest = _manifest(s, statistics, end, aircraft) | ({"parts": parts} if own else {})
+    record = declaration(made.filter).record if made else None
     if record is not None:
         verdicts += monitored(record, s)
         manifest["qp_cost"] = {
@@ -64,6 +71,27 @@ def judge(
             "limited": record.cost_limited,
         }
     return Run(manifest, judging.void(verdicts, end), {})
+
+
+def _solo_time(setting: Setting, made: Assembled) -> Array | None:
+    """See `solo_time`; None where a user's guidance does not answer on that way."""
+    start, goal = setting.start.position, setting.goal
+    try:
+        return solo_time(made.guidance, setting.limits, start, goal, setting.scenario.goal_radius_m)
+    except Breach:
+        return None
+
+
+def _fly_manoeuvre(setting: Setting, made: Assembled, replay: Replay, near_misses: NearMisses) -> Verdict:
+    """G9: the evading manoeuvre flown from instants of the flight that `replay` remembers."""
+    s = setting.scenario
+
+    def wind(t: float, state: State) -> Array:
+        air = made.environment.wind(t, state)
+        return np.zeros((s.vehicles, 3)) if air is None else air
+
+    when = manoeuvre.instants(s, near_misses, s.duration_s)
+    return manoeuvre.fly(s, replay.branch, wind, setting.barrier, setting.limits, when, setting.i, setting.j)
 
 
 def _manifest(

@@ -65,12 +65,19 @@ class Recorder:
         s.keep_last()
 
     def close(self) -> None:
-        """The run is over: the motion after its last step stays unknown."""
+        """The run is over: the motion after its last step is unknown; without steps tables are empty."""
         self.look()
         s = self.buffer
-        if s.recorded[0] and s.i.size:
-            unknown = dict.fromkeys(REALISED_COLUMNS, np.full(s.i.size, np.nan))
-            self.rows.add("pairs", self._pair_rows(np.zeros(1, dtype=int), s.lie()) | unknown)
+        if not s.count:
+            self.rows.add("vehicles", self._vehicle_rows(np.zeros(0, dtype=int)))
+            last, lie = np.zeros(0, dtype=int), np.zeros((2, 3, 0, s.i.size))
+        elif s.recorded[0]:
+            last, lie = np.zeros(1, dtype=int), s.lie()
+        else:
+            return
+        if s.i.size:
+            unknown = dict.fromkeys(REALISED_COLUMNS, np.full(last.size * s.i.size, np.nan))
+            self.rows.add("pairs", self._pair_rows(last, lie) | unknown)
 
     def _look_at_pairs(self, new: slice) -> None:
         s, statistics = self.buffer, self.statistics
@@ -97,10 +104,21 @@ class Recorder:
         return np.where(known, s.predicted[new] + self.alpha(s.filter_h[new]), np.inf)
 
     def _record_vehicles(self, steps: np.ndarray) -> None:
-        """Rows of `vehicles` at these steps."""
+        """Write rows of `vehicles` at these steps, and count saturation."""
         s, n = self.buffer, self.buffer.vehicles
         if not steps.size:
             return
+        telemetry = {
+            name: np.concatenate([s.telemetry[k][name] for k in steps]) for name in s.telemetry[steps[0]]
+        }
+        self.statistics.saturation.update({name: x.reshape(-1, n) for name, x in telemetry.items()})
+        wind = s.air[steps].reshape(-1, 3).T if self.windy else ()
+        columns = self._vehicle_rows(steps) | telemetry | dict(zip(WIND_COLUMNS, wind, strict=False))
+        self.rows.add("vehicles", columns)
+
+    def _vehicle_rows(self, steps: np.ndarray) -> Columns:
+        """Rows of `vehicles` at these steps, without telemetry and wind."""
+        s, n = self.buffer, self.buffer.vehicles
         columns: Columns = {
             "t_s": np.repeat(s.t[steps], n),
             "vehicle": np.tile(np.arange(1, n + 1, dtype=np.int32), steps.size),
@@ -112,12 +130,7 @@ class Recorder:
                 columns[name] = values[steps, :, k].ravel()
         columns["override"] = s.override[steps].ravel()
         columns["qp_status"] = STATUS_NAMES[s.status[steps].ravel()]
-        telemetry = {
-            name: np.concatenate([s.telemetry[k][name] for k in steps]) for name in s.telemetry[steps[0]]
-        }
-        self.statistics.saturation.update({name: x.reshape(-1, n) for name, x in telemetry.items()})
-        wind = s.air[steps].reshape(-1, 3).T if self.windy else ()
-        self.rows.add("vehicles", columns | telemetry | dict(zip(WIND_COLUMNS, wind, strict=False)))
+        return columns
 
     def _pair_rows(self, steps: np.ndarray, lie: Array) -> Columns:
         """Rows of `pairs` at these steps, what the instant itself tells; `lie` as in `StepBuffer.lie`."""
@@ -159,5 +172,5 @@ class Recorder:
 
     def _sides(self, steps: np.ndarray, lie: Array) -> tuple[Array, Array]:
         """L_g h of vehicles i and of j at these steps, (steps P, 3) each."""
-        lie_i, lie_j = lie[:, :, steps].reshape(2, 3, -1)
+        lie_i, lie_j = lie[:, :, steps].reshape(2, 3, steps.size * self.buffer.i.size)
         return lie_i.T, lie_j.T

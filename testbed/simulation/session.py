@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from filters.filter import Decision
-from filters.model import Array, Command, State, View
+from filters.model import Command
 from testbed.components import catalogue
+from testbed.components.border.contract import Breach
 from testbed.components.components import Parts
 from testbed.components.provenance import Origin
 from testbed.measures.near_misses import NearMisses
@@ -24,36 +24,8 @@ from testbed.simulation import termination
 from testbed.simulation.assembly import Assembled, Setting, put_together, set_up
 from testbed.simulation.judgement import judge
 from testbed.simulation.recorder import Recorder
+from testbed.simulation.step import Step, advance
 from testbed.simulation.step_buffer import StepBuffer
-
-# Gusts change within a long filter period: the air is asked at least so often [s].
-WIND_PERIOD_S = 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """Where the vehicles are at time t, and what was flown over the filter period that led there.
-
-    t         s
-    state     (N,) the true poses
-    rates     (N,) the true ground speeds, course rates and climb rates
-    view      what the vehicles know; None where the run ended before they could know it
-    air       (N, 3) m/s, the wind where they are; None in still air
-    nominal   (N,) what guidance, or the caller, wanted over the period that led here; None at the start
-    decision  what the filter made of it; None at the start
-    done      whether the run is over: at its full duration, or by a fault
-    fault     why it ended early, or None
-    """
-
-    t: float
-    state: State
-    rates: Command
-    view: View | None
-    air: Array | None
-    nominal: Command | None
-    decision: Decision | None
-    done: bool
-    fault: str | None
 
 
 def assemble(
@@ -80,8 +52,10 @@ class Session:
     def __init__(self, scenario: Scenario, parts: Parts, force: bool, sink: Sink | None) -> None:
         self.scenario = scenario
         self._parts, self._force, self._sink = parts, force, sink
+        self._own = parts.own()
         self._setting: Setting | None = None
         self._made: Assembled | None = None
+        self._open = False
         self._run: Run | None = None
 
     def reset(self) -> Step:
@@ -98,9 +72,13 @@ class Session:
         s, self._run = self.scenario, None
         self._end: str | None = None
         setting = self._setting = set_up(s, self._force)
-        made = self._made = put_together(setting, self._parts)
-        near_misses = NearMisses(setting.i.size, s.d_safe_m) if made.replay else None
-        self._statistics = RunStatistics(s.vehicles, Saturation(made.aircraft), near_misses)
+        try:
+            self._made = put_together(setting, self._parts, self._own)
+        except Breach as breach:
+            self._end = termination.ended(termination.raised("", breach, 0), 0.0)
+        made = self._made
+        near_misses = NearMisses(setting.i.size, s.d_safe_m) if made and made.replay else None
+        self._statistics = RunStatistics(s.vehicles, Saturation(made.aircraft if made else ()), near_misses)
         self._statistics.start(setting.start.position, setting.goal, s.goal_radius_m)
         self._memory = MemorySink() if self._sink is None else None
         self._rows = RowWriter(self._sink or self._memory)  # type: ignore[arg-type]
@@ -114,13 +92,18 @@ class Session:
             setting.limits,
             s.rates.filter_dt_s,
             s.rates.fdm_dt_s,
-            made.air is not None,
+            made is not None and made.air is not None,
         )
         self._still = np.zeros((s.vehicles, 3))
         self._waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
         self._count, self._recorded, self._commanded, self._unfiltered = 0, False, False, False
         self._nominal: Command | None = None
         self._decision: Decision | None = None
+        self._open = True
+        if made is None:
+            rates = np.zeros((s.vehicles, 3))
+            self._now = Step(0.0, setting.start, Command.of(rates), None, None, None, None, True, self._end)
+            return self._now
         return self._arrive(None, True)
 
     def step(self, commands: Command | None = None, *, filtered: bool = True) -> Step:
@@ -133,7 +116,7 @@ class Session:
         Raises    RuntimeError if the session was not reset, or its run is over; ValueError if `commands` are
                   not finite, or not one per vehicle
         """
-        if self._made is None or self._now.done or self._run is not None:
+        if not self._open or self._made is None or self._now.done:
             raise RuntimeError("no run to step: reset() starts one")
         if commands is not None:
             self._check(commands)
@@ -142,12 +125,13 @@ class Session:
             return self._stopped()
         assert self._decision is not None
         try:
-            track = self._advance(self._decision.command, t, self._now.air, n)
-            fault = termination.lost(self._made.plant.faults(), track)
+            plant, environment = self._made.plant, self._made.environment
+            track = advance(plant, environment, self._decision.command, t, self._now.air, n)
+            fault = termination.lost(plant.faults(), track)
         except Exception as error:
-            fault = termination.raised("flying", error)
+            fault = termination.raised("flying", error, self._count)
         if fault is not None:
-            self._end = f"{fault} at {t + dt:.3f} s; run stopped"
+            self._end = termination.ended(fault, t + dt)
             return self._stopped()
         self._buffer.move(track)
         self._count += 1
@@ -160,15 +144,15 @@ class Session:
         """
         if self._run is not None:
             return self._run
-        if self._setting is None or self._made is None:
+        if self._setting is None or not self._open:
             raise RuntimeError("no run to judge: reset() starts one")
         if not self._now.done:
-            self._end = f"judged before its end at {self._now.t:.3f} s; run stopped"
+            self._end = termination.ended("judged before its end", self._now.t)
         self._recorder.close()
         self._rows.close()
         given = {"nominal": Origin("commands given step by step")} if self._commanded else {}
         given |= {"filter": Origin("passed by on request")} if self._unfiltered else {}
-        own = self._parts.own() | given
+        own = self._own | given
         self._run = judge(self._setting, self._made, self._statistics, own, self._end)
         self._run.timing = {"wall_s": time.perf_counter() - self._began}
         if self._memory is not None:
@@ -178,6 +162,7 @@ class Session:
 
     def close(self) -> None:
         """Close the plant; a run that was not judged is lost. May be called twice."""
+        self._open = False
         if self._made is not None:
             self._made.plant.close()
             self._made = None
@@ -200,7 +185,7 @@ class Session:
         try:
             air, view = environment.wind(t, truth), environment.observe(t, truth, rates)
         except Exception as error:
-            self._end = f"{termination.raised('deciding', error)} at {t:.3f} s; run stopped"
+            self._end = termination.ended(termination.raised("deciding", error, self._count), t)
         flown = self._nominal, self._decision
         self._now = Step(t, truth, rates, view, air, *flown, last or self._end is not None, self._end)
         if last and self._end is None and not self._decide(commands, filtered):
@@ -222,34 +207,23 @@ class Session:
                 decision = made.filter(now.view, wanted, self._setting.limits)
             else:
                 decision, self._unfiltered = _unfiltered(wanted), True
+            # The step before, if recorded, needs to know what came of it.
+            recorded, before = step % self.scenario.rates.record_steps == 0, self._recorded
+            telemetry = made.plant.telemetry() if recorded or before else {}
         except Exception as error:
-            self._end = f"{termination.raised('deciding', error)} at {now.t:.3f} s; run stopped"
+            self._end = termination.ended(termination.raised("deciding", error, step), now.t)
             return False
-        self._nominal, self._decision = wanted, decision
-        # The step before, if recorded, needs to know what came of it.
-        recorded, before = step % self.scenario.rates.record_steps == 0, self._recorded
-        self._recorded = recorded
-        telemetry = made.plant.telemetry() if recorded or before else {}
+        self._nominal, self._decision, self._recorded = wanted, decision, recorded
         # The filter's own barrier values are the true ones only without disturbances and remedies.
         true = filtered and now.view.state is now.state and made.valued is self._setting.barrier
         if self._buffer.full:
             self._recorder.look()
         air = self._still if now.air is None else now.air
         self._buffer.add(now.t, now.state, now.rates, air, wanted, decision, true, recorded, telemetry)
-        return True
-
-    def _advance(self, command: Command, t: float, air: Array | None, n: int) -> Array:
-        """Fly `command` for n periods from time t, where the wind is `air`; positions (n, N, 3) m."""
-        assert self._made is not None
-        plant, environment = self._made.plant, self._made.environment
-        if air is None:
-            return plant.step(command, self._still, n)
-        most = max(1, int(WIND_PERIOD_S / plant.dt + 1e-9))
-        track = [plant.step(command, air, min(most, n))]
-        for k in range(most, n, most):
-            now = environment.wind(t + k * plant.dt, plant.state())
-            track.append(plant.step(command, self._still if now is None else now, min(most, n - k)))
-        return track[0] if len(track) == 1 else np.concatenate(track)
+        if filtered and (breach := made.refused):
+            fault = termination.raised("deciding", breach, step)
+            self._end = termination.ended(fault, now.t + self.scenario.rates.filter_dt_s)
+        return self._end is None
 
     def _stopped(self) -> Step:
         """The step at which a run ends early: where the vehicles were last."""

@@ -7,12 +7,11 @@ motion against which a guarantee could be judged; see docs/decisions/0008-a-faul
 from __future__ import annotations
 
 import math
-import traceback
-from pathlib import Path
 
 import numpy as np
 
 from filters.model import Array
+from testbed.components.border.contract import Breach, describe
 
 
 def lost(reported: list[str], track: Array) -> str | None:
@@ -29,8 +28,13 @@ def lost(reported: list[str], track: Array) -> str | None:
     return "; ".join(f"vehicle {v}: {what}" for v, what in enumerate(said, 1) if what) or None
 
 
-def raised(part: str, error: Exception) -> str:
-    """An exception in flight, and the file and line that raised it."""
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    what = " ".join(str(error).split()) or "no message"
-    return f"{part} failed: {type(error).__name__}: {what} ({Path(last.filename).name}:{last.lineno})"
+def raised(doing: str, error: Exception, step: int) -> str:
+    """What an exception in this filter step, from 0, says: a breach names its part, others file and line."""
+    if isinstance(error, Breach):
+        return f"{error}, in step {step}"
+    return f"{doing} failed: {describe(error)}"
+
+
+def ended(fault: str, t: float) -> str:
+    """Why a run ended before its time: the fault, and when [s]."""
+    return f"{fault} at {t:.3f} s; run stopped"

@@ -1,0 +1,136 @@
+"""A user's filter, guidance and environment behind the border."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from filters.barriers.pairs import PairValues, all_pairs
+from filters.filter import Decision, Declaration, declaration
+from filters.model import Array, Command, Limits, State, View
+from filters.qp.single import Status
+from testbed.components.border.contract import (
+    LARGEST,
+    RATES,
+    Breach,
+    Contract,
+    copy_of,
+    copy_of_limits,
+    copy_of_view,
+)
+from testbed.components.border.plant import parameters
+
+KNOWN = np.array(sorted(int(status) for status in Status))
+
+
+class OwnFilter:
+    """A Filter over a user's.
+
+    A command that is not finite is passed on as NaN, since it violates the limits: the judge counts it, and
+    `refused` says why no plant can fly it. Of its declaration only the constraints count.
+    """
+
+    refused: Breach | None = None
+
+    def __init__(self, contract: Contract, choose: Any, limits: Limits) -> None:
+        if not callable(choose):
+            raise contract.breach(f"it is a {type(choose).__name__}, which cannot be called")
+        self._contract, self._choose = contract, choose
+        self._limits = copy_of_limits(limits)
+        self._i, self._j = all_pairs(contract.vehicles)
+        found = contract.call("declaration", declaration, choose)
+        self.declaration = Declaration(constraints=found.constraints, solves_qp=bool(found.solves_qp))
+
+    def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
+        """As `Filter.__call__`."""
+        contract, n = self._contract, (self._contract.vehicles,)
+        seen, wanted = copy_of_view(view), copy_of(nominal)
+        d = contract.call("the call", self._choose, seen, wanted, self._limits)
+        if not isinstance(d, Decision):
+            raise contract.breach(f"it returned a {type(d).__name__}, not a Decision")
+        command, self.refused = contract.fields("command", d.command, Command, RATES, n), None
+        try:
+            contract.check_finite("command", command, RATES)
+        except Breach as breach:
+            self.refused = breach
+            command = np.where(np.abs(command) <= LARGEST, command, np.nan)
+        status = contract.integers("status", d.status, n)
+        if not np.isin(status, KNOWN).all():
+            raise contract.breach(f"status {status.tolist()} has a value that filters.qp.Status has not")
+        return Decision(
+            Command.of(command),
+            status,
+            contract.array("residual", d.residual, n),
+            contract.booleans("override", d.override, n),
+            contract.array("deviation", d.deviation, n),
+            *self._pairs(d),
+        )
+
+    def _pairs(self, d: Decision) -> tuple[PairValues | None, Array]:
+        contract, count = self._contract, len(self._i)
+        if d.pairs is None:
+            return None, np.zeros(0)
+        if not isinstance(d.pairs, PairValues):
+            raise contract.breach(f"pairs is a {type(d.pairs).__name__}, not PairValues")
+        for name, own in (("i", self._i), ("j", self._j)):
+            if not np.array_equal(contract.integers(f"pairs.{name}", getattr(d.pairs, name), (count,)), own):
+                raise contract.breach(f"pairs.{name} are not those of all pairs i < j, in row order")
+        h = contract.array("pairs.h", d.pairs.h, (count,))
+        grad = contract.array("pairs.grad", d.pairs.grad, (count, 8))
+        predicted = contract.array("hdot_predicted", d.hdot_predicted, (count,))
+        return PairValues(self._i, self._j, h, grad), predicted
+
+
+class OwnGuidance:
+    """Guidance over a user's.
+
+    One whose second parameter is not called `view` is called with the state (N,) instead, which each vehicle
+    knows of itself.
+    """
+
+    def __init__(self, contract: Contract, law: Any) -> None:
+        if not callable(law):
+            raise contract.breach(f"it is a {type(law).__name__}, which cannot be called")
+        self._contract, self._law = contract, law
+        self._by_view = parameters(law)[0][1:2] == ["view"]
+
+    def __call__(self, t: float, view: View) -> Command:
+        """As `Guidance.__call__`."""
+        seen = copy_of_view(view) if self._by_view else copy_of(view.state)
+        return self._contract.command("its command", self._contract.call("the call", self._law, t, seen))
+
+
+class OwnEnvironment:
+    """An Environment over a user's."""
+
+    def __init__(self, contract: Contract, environment: Any) -> None:
+        self._contract = contract
+        self._wind = contract.method(environment, "wind")
+        self._observe = contract.method(environment, "observe")
+        self._still: bool | None = None
+
+    def wind(self, t: float, state: State) -> Array | None:
+        """As `Atmosphere.wind`."""
+        contract = self._contract
+        found = contract.call("wind()", self._wind, t, copy_of(state))
+        still = found is None
+        if self._still is None:
+            self._still = still
+        elif self._still is not still:
+            raise contract.breach(
+                "wind() is None at some times only; return zeros (N, 3) where air is still for a while"
+            )
+        return None if found is None else contract.array("wind()", found, (contract.vehicles, 3))
+
+    def observe(self, t: float, truth: State, rates: Command) -> View:
+        """As `Observation.observe`."""
+        contract, n = self._contract, self._contract.vehicles
+        found = contract.call("observe()", self._observe, t, copy_of(truth), copy_of(rates))
+        if not isinstance(found, View):
+            raise contract.breach(f"observe() is a {type(found).__name__}, not a View")
+        shape = (n,) if getattr(getattr(found.state, "x", None), "ndim", 1) == 1 else (n, n)
+        return View(
+            contract.state("observe().state", found.state, shape),
+            contract.command("observe().rates", found.rates, shape),
+        )
