@@ -1,8 +1,10 @@
-"""Honest numbers about many runs: rates, quantiles, pairs, sequential stopping. The formulas are scipy's."""
+"""Statistics of many runs: rates, means, quantiles, paired comparisons and sequential stopping."""
 
+from testbed.statistics.distinct import distinct, nothing_random
+from testbed.statistics.means import Mean, mean
 from testbed.statistics.paired import PairedDistances, PairedVerdicts, paired_distances, paired_verdicts
 from testbed.statistics.quantiles import Quantile, quantile
-from testbed.statistics.rates import Mean, Rate, mean, rate, rate_of, zero_event_bound
+from testbed.statistics.rates import Rate, rate, rate_of, zero_event_bound
 from testbed.statistics.sequential import Decision, Look, Plan, spread
 
 __all__ = [
@@ -14,7 +16,9 @@ __all__ = [
     "Plan",
     "Quantile",
     "Rate",
+    "distinct",
     "mean",
+    "nothing_random",
     "paired_distances",
     "paired_verdicts",
     "quantile",

@@ -1,4 +1,4 @@
-"""Two systems on common seeds: do verdicts differ, do distances? Each run is its own control."""
+"""Compares two systems seed by seed: whether their verdicts or distances differ."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from testbed.statistics.rates import Mean, Rate, mean, rate_of
+from testbed.statistics.means import Mean, mean
+from testbed.statistics.rates import Rate, rate_of
 
 Alternative = Literal["two-sided", "less", "greater"]
 
@@ -62,7 +63,7 @@ class PairedDistances:
     """Differences, second minus first, of a number measured on the same seeds.
 
     changed  seeds on which they differ at all (by more than the resolution)
-    mean     of all differences, with its bootstrap interval
+    mean     of all differences, with its interval
     p_value  Wilcoxon signed-rank test that they are symmetric about 0; 1 if nothing changed
     """
 
@@ -81,7 +82,6 @@ def paired_distances(
     second: ArrayLike,
     rng: np.random.Generator,
     alternative: Alternative = "two-sided",
-    confidence: float = 0.95,
     resolution: float = 0.0,
 ) -> PairedDistances:
     """Compare numbers `first` and `second` (n,), seed by seed.
@@ -103,7 +103,7 @@ def paired_distances(
     changed = difference[difference != 0.0]
     p = float(wilcoxon(changed, alternative=alternative).pvalue) if changed.size else 1.0
     middle = float(np.median(difference)) if difference.size else float("nan")
-    return PairedDistances(a.size, changed.size, mean(difference, rng, confidence), middle, p)
+    return PairedDistances(a.size, changed.size, mean(difference, rng), middle, p)
 
 
 def _same_length(a: np.ndarray, b: np.ndarray) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +11,9 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True)
 class Quantile:
-    """The `share` quantile of `runs` values: an order statistic, and two that enclose the true one.
+    """The `share` quantile of `runs` values, and two order statistics that enclose the true one.
+
+    Half-way between two order statistics their mean is taken, so that the quantile of 1/2 is the median.
 
     `low` is -inf and `high` inf where the values are too few to bound that side.
     """
@@ -21,6 +24,7 @@ class Quantile:
     low: float
     high: float
     confidence: float
+    method: ClassVar[str] = "order statistics, exact for any distribution"
 
     def __str__(self) -> str:
         return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
@@ -46,5 +50,5 @@ def quantile(values: ArrayLike, share: float, confidence: float = 0.95) -> Quant
     # scipy says nan for an order statistic beyond the sample
     low = -np.inf if np.isnan(interval.low) else float(interval.low)
     high = np.inf if np.isnan(interval.high) else float(interval.high)
-    value = float(np.quantile(data, share, method="inverted_cdf"))
+    value = float(np.quantile(data, share, method="averaged_inverted_cdf"))
     return Quantile(share, data.size, value, low, high, confidence)

@@ -1,9 +1,10 @@
-"""Rates and means of many runs, each with its interval."""
+"""Rates of many runs, each with its exact interval."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,7 @@ class Rate:
     low: float
     high: float
     confidence: float
+    method: ClassVar[str] = "Clopper-Pearson, exact"
 
     @property
     def value(self) -> float:
@@ -50,35 +52,3 @@ def zero_event_bound(runs: int, confidence: float = 0.95) -> float:
     if runs < 1:
         return 1.0
     return float(binomtest(0, runs, alternative="less").proportion_ci(confidence, method="exact").high)
-
-
-@dataclass(frozen=True)
-class Mean:
-    """A mean and its bootstrap interval; nan without data."""
-
-    value: float
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        return f"{self.value:+.2f} [{self.low:+.2f}, {self.high:+.2f}]"
-
-
-def mean(values: ArrayLike, rng: np.random.Generator, confidence: float = 0.95) -> Mean:
-    """The mean of paired differences (n,), nan dropped, with a percentile bootstrap interval.
-
-    Percentile, for it is defined where all differences are equal, as on rungs that change nothing.
-    """
-    from scipy.stats import bootstrap
-
-    data = np.asarray(values, dtype=float)
-    data = data[np.isfinite(data)]
-    if not data.size:
-        return Mean(float("nan"), float("nan"), float("nan"))
-    centre = float(data.mean())
-    if data.size < 2 or np.ptp(data) == 0.0:
-        return Mean(centre, centre, centre)
-    found = bootstrap(
-        (data,), np.mean, confidence_level=confidence, n_resamples=2000, method="percentile", rng=rng
-    )
-    return Mean(centre, float(found.confidence_interval.low), float(found.confidence_interval.high))

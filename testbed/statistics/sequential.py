@@ -1,4 +1,4 @@
-"""Stopping early without fooling oneself: looks planned beforehand, the error split over them.
+"""Plans when a campaign may stop early: looks fixed beforehand, the error divided over them.
 
 At each look the interval of the rate is Clopper-Pearson's at that look's share of the error. The chance that
 any of these intervals misses the true rate is at most the sum of the shares (Bonferroni), whatever is decided
