@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.jsbsim.continuation import Problem, follow
+from aircraft.jsbsim.engines import settle
 from aircraft.jsbsim.rest import Instance, initialise
 from aircraft.jsbsim.shortfall import AILERON, ELEVATOR, RUDDER, THROTTLE, balance
 from aircraft.jsbsim.steady import Trim, bounds, trim_problem, velocity_of
@@ -35,6 +36,7 @@ def climb_problem(fdm: Instance, heading: float) -> Problem:
         slope = float(x[_SLOPE])
         velocity = velocity_of(p[0] / math.cos(slope), slope, heading)
         initialise(fdm, (x[0], slope + x[1], heading + x[2]), velocity, -p[2])
+        settle(fdm)
         return balance(fdm)
 
     lowest, highest = bounds(fdm, -STEEPEST_RAD, STEEPEST_RAD)

@@ -15,7 +15,7 @@ from aircraft.airframes.schema import Airframe, property_name
 from aircraft.jsbsim import initialisation, loading, steady
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin
-from aircraft.jsbsim.properties import NODES, TELEMETRY
+from aircraft.jsbsim.properties import ENGINE_STATES, NODES, TELEMETRY
 from aircraft.jsbsim.rest import Start
 from aircraft.jsbsim.steady import Trim
 
@@ -51,6 +51,9 @@ class Fdm:
         self._command = tuple(n[k].set_double_value for k in ("v_command", "omega_command", "zeta_command"))
         self._upset = n["alpha"].get_double_value, n["roll"].get_double_value
         self._wind: tuple[float, float, float] | None = None  # as last blown
+        manager = self.executive.get_property_manager()
+        kept = (manager.get_node(f"propulsion/engine/{name}") for name in ENGINE_STATES)
+        self.engine_states = [node for node in kept if node is not None]
 
     def node(self, path: str) -> loading.Node:
         """The property's node. Raises FdmError rather than create one that nothing reads."""

@@ -73,3 +73,6 @@ TELEMETRY = {
     "limited_omega": ("ap/limited-omega", 1.0, 0.0),
     "limited_zeta": ("ap/limited-zeta", 1.0, 0.0),
 }
+
+# Properties of an engine whose thrust depends on a state of its own; the first engine's stand for all.
+ENGINE_STATES = ("propeller-rpm", "engine-rpm", "n1", "n2", "map-pa")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
+from aircraft.jsbsim.engines import settle
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin, enu_axes
 
 Array = NDArray[np.float64]
@@ -37,6 +38,9 @@ class Instance(Protocol):
     airframe: Airframe
     origin: Origin
     nodes: dict[str, Any]  # by the names in `properties.NODES`
+
+    executive: Any  # JSBSim itself
+    engine_states: list[Any]  # what an engine keeps from period to period; none for most electric ones
 
     def node(self, path: str) -> Any: ...
 
@@ -116,6 +120,7 @@ def hold(
         fdm.node(path).set_double_value(value)
     _write(fdm, attitude, velocity, rates)
     fdm.run_ic()
+    settle(fdm)
     for _ in range(3):  # forces that depend on accelerations come back one evaluation later
         fdm.evaluate()
     read = [fdm.nodes[k].get_double_value() for k in ACCELERATIONS]

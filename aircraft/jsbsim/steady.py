@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from aircraft.jsbsim import shortfall
 from aircraft.jsbsim.continuation import Problem, Reached, correct, follow, solve
+from aircraft.jsbsim.engines import settle
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.geodesy import G_MPS2
 from aircraft.jsbsim.rest import Instance, Start, initialise, place
@@ -86,6 +87,7 @@ def trim_problem(fdm: Instance, heading: float, speed: float, climb: float, air:
         for name, value in commands.items():
             fdm.nodes[name].set_double_value(float(value))
         initialise(fdm, (x[0], p[1] + x[1], heading + x[2]), velocity, -p[2])
+        settle(fdm)
         return balance(fdm)
 
     lowest, highest = bounds(fdm, 0.0, 1.0)
@@ -122,7 +124,11 @@ def find(
     speeds   m/s, of the level flights to continue from, after that at p's airspeed
     The model is left evaluated at the trim, once: forces due to accelerations remember the last evaluation.
     """
-    found = solve(problem, p, first_guess(problem, p))
+    found = None
+    if fdm.engine_states:  # each evaluation waits for the engines: try what needs the fewest
+        found = correct(problem, p, first_guess(problem, p))
+    if found is None:
+        found = solve(problem, p, first_guess(problem, p))
     ends: list[Array] = []
     for speed in dict.fromkeys((float(p[0]), *speeds)):
         if found is not None:
