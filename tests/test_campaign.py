@@ -285,6 +285,7 @@ keep = "violations"
 "filter.kind" = "none"
 "checks.manoeuvre_instants" = 0
 duration_s = 0.5
+heading_perturbation_deg = 1
 [grid]
 "start.radius_m" = [8, 100]
 """

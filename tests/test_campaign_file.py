@@ -11,11 +11,15 @@ import numpy as np
 import pytest
 
 from testbed.campaigns import file, view
+from testbed.campaigns.distinct import counted, distinct
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import GUARANTEES, Campaign, Distribution
 from testbed.campaigns.identity import ROOT, code_id, content_id, modules
 from testbed.campaigns.plan import Plan, base, expand
 from testbed.scenario import scenario
+from testbed.scenario.randomness import random_fields
+from testbed.scenario.scenario import Scenario, load
+from testbed.simulation.simulate import run
 
 BASE = {"name": "c", "scenario": "paper-2-turn", "seeds": 3}
 
@@ -119,7 +123,9 @@ def test_a_scenario_file_is_meant_from_the_campaign_files_folder(
     tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "mine.toml").write_text('name = "mine"\nvehicles = 3\n')
-    (tmp_path / "c.toml").write_text('name = "c"\nscenario = "mine.toml"\nseeds = 4\n')
+    (tmp_path / "c.toml").write_text(
+        'name = "c"\nscenario = "mine.toml"\nseeds = 4\n[set]\nheading_perturbation_deg = 5\n'
+    )
     assert call("campaign", "check", tmp_path / "c.toml") == 0
     assert "c: 4 runs, 1 cells x 4 seeds" in capsys.readouterr().out
 
@@ -234,3 +240,64 @@ def test_the_view_says_done_failed_running_the_rate_with_its_interval_and_the_ti
         )
     said = capsys.readouterr().err.splitlines()
     assert said[0] == "c: 1 of 12 done, 0 failed" and said[-1] == "c: 4 of 12 done, 1 failed"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("seeds = 40", "c: 40 seeds, nothing random: all are the same run; add [random], or seeds = 1"),
+        ("seeds = 2\n[random]\nd_safe_m = { choice = [5] }", "c: 2 seeds, nothing random"),
+        ("seeds = 2\n[set]\nloss = 1.0", "c: 2 seeds, nothing random"),
+        (
+            "[stop]\nlooks = [5, 10]\ntarget = 0.1",
+            "nothing random: all are the same run; add [random], or looks = [1]",
+        ),
+        (
+            "seeds = 3\nplants = ['lagged']\n[grid]\n'gusts.intensity' = ['light', 'none']",
+            "c, gusts.intensity none: 3 seeds, nothing random",
+        ),
+    ],
+)
+def test_seeds_that_change_nothing_are_refused_before_anything_is_flown(
+    text: str, said: str, tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "c.toml").write_text(f'name = "c"\nscenario = "paper-2-turn"\n{text}\n')
+    for command in (("check",), ("run", "--out", tmp_path / "out")):
+        assert call("campaign", command[0], tmp_path / "c.toml", *command[1:]) == 2
+        assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "lateral_perturbation_m=1",
+        "height_perturbation_m=1",
+        "position_bias_m=0.1",
+        "course_drift_deg=1",
+        "loss=0.5",
+        "gusts.sigma_mps=1",
+        "gusts.intensity='light'",
+    ],
+)
+def test_a_seed_that_changes_a_run_is_known_to(setting: str) -> None:
+    """Each field said to be random makes two seeds two runs; without it they are one."""
+    settings = ["duration_s=0.2", "filter_dt_s=0.05", "record_dt_s=0.05", "manoeuvre_instants=0"]
+    settings += ["plant=lagged", "radius_m=40"]
+    bare, random = (load("paper-2-turn", [*settings, *more]) for more in ([], [setting]))
+    assert not random_fields(bare) and len(random_fields(random)) == 1
+
+    def positions(s: Scenario, seed: int) -> list[float]:
+        done = run(s.model_copy(update={"seed": seed}))
+        table = done.vehicles
+        return [*table.x_m, *table.y_m, *table.z_m, *table.v_command_mps, *table.omega_command_radps]
+
+    assert positions(bare, 1) == positions(bare, 2)
+    assert positions(random, 1) != positions(random, 2)
+
+
+def test_distinct_results_are_counted_not_ids() -> None:
+    rows = [{"seed": k, "value": v} for k, v in enumerate((1.0, 1.0, float("nan"), 2.0, float("nan")))]
+    assert distinct(rows) == 3 and distinct(rows, without=()) == 5
+    assert counted(5, 3) == "5 runs, only 3 distinct: intervals and tests take them for 5 independent ones"
+    assert counted(5, 5) == "5 runs, all distinct"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.campaigns import engine, file, folder, tables
+from testbed.campaigns.distinct import check_distinct
 from testbed.campaigns.file import SCHEMA_VERSION
 from testbed.campaigns.flight import FAILED, blank, fly
 from testbed.campaigns.job import Job
@@ -26,10 +27,11 @@ from testbed.scenario import scenario
 def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
     """The plan of a campaign by name or file, its folder made; that of the same campaign is gone on with.
 
-    Raises UserError for a malformed file, or a folder that holds something else.
+    Raises UserError for a malformed file, seeds that change nothing, or a folder that holds something else.
     """
     campaign, here = file.load(source)
     plan = expand(campaign, base(campaign, here))
+    check_distinct(plan)
     if (out / folder.MANIFEST).is_file():
         found = folder.manifest(out)
         if found.get("id") == plan.id and not overwrite:

@@ -1,4 +1,4 @@
-"""What a campaign's rows say, cell by cell. The statistics are `testbed.statistics`'."""
+"""Summarises a campaign's rows cell by cell, with the statistics of `testbed.statistics`."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ from typing import Any
 
 import numpy as np
 
+from testbed.campaigns.distinct import distinct
 from testbed.campaigns.flight import FAILED, REFUSED
 from testbed.campaigns.progress import Progress
 from testbed.statistics import paired_verdicts, quantile, rate
 
 
 def summary(state: Progress) -> list[dict[str, Any]]:
-    """Per cell: how many runs lost the guarantee, with the Clopper-Pearson interval; its least value, 5 %
-    quantile (distribution-free interval) and median; the pairs of equal seeds against the first cell.
+    """One row per cell: how many runs lost the guarantee, with the Clopper-Pearson interval; its least value,
+    5 % quantile (distribution-free interval) and median; the pairs of equal seeds against the first cell.
 
-    A run counts as lost unless the guarantee holds: refused and failed ones too, which are counted beside.
-    With a stopping rule the interval is that of the look that stopped the cell.
+    A run counts as lost unless the guarantee holds: also a refused or failed run, which is counted again as
+    such. `distinct` is the number of different results. With a stopping rule the interval is that of the look
+    that stopped the cell.
     """
     guarantee = state.plan.campaign.guarantee
     first: np.ndarray | None = None
@@ -34,6 +36,7 @@ def summary(state: Progress) -> list[dict[str, Any]]:
             "cell": cell.label,
             "parameters": cell.parameters,
             "runs": len(runs),
+            "distinct": distinct(found),
             "lost": seen.count,
             "rate_low": seen.low,
             "rate_high": seen.high,
@@ -61,7 +64,7 @@ def summary(state: Progress) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows as a terminal shows them."""
+    """The rows for a terminal."""
 
     def number(value: float | None) -> str:
         return "" if value is None else f"{value:.2f}"
@@ -72,6 +75,7 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         line = {a.rpartition(".")[2]: str(r["parameters"][a]) for a in axes} or {"cell": r["cell"]}
         line |= {
             "lost": f"{r['lost']}/{r['runs']}",
+            "distinct": r["distinct"],
             f"{100 * r['confidence']:.3g} % CI": f"{100 * r['rate_low']:.1f}-{100 * r['rate_high']:.1f} %",
             "least": number(r["least"]),
             "median": number(r["median"]),

@@ -76,11 +76,13 @@ def status(folder: FolderArg, as_json: JsonOption = False) -> None:
 )
 def check(file: FileArg, as_json: JsonOption = False) -> None:
     """Read a campaign file, resolve every run of it, and say how many there are. Flies nothing."""
+    from testbed.campaigns.distinct import check_distinct
     from testbed.campaigns.file import load
     from testbed.campaigns.plan import base, expand
 
     campaign, here = load(file)
     plan = expand(campaign, base(campaign, here))
+    check_distinct(plan)
     if as_json:
         cells = [cell.label for cell in plan.cells]
         print(json.dumps({"campaign": campaign.name, "runs": len(plan.runs), "cells": cells}, indent=2))
@@ -138,6 +140,7 @@ def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_jso
 
 
 def _report(state: Progress, out: Path, as_json: bool, flying: bool = False) -> None:
+    from testbed.campaigns.distinct import counted
     from testbed.campaigns.flight import FLOWN
     from testbed.campaigns.summary import summary, table
 
@@ -153,6 +156,7 @@ def _report(state: Progress, out: Path, as_json: bool, flying: bool = False) -> 
     from testbed.report.tables import plain_table
 
     show(plain_table(f"{campaign.name}: runs that lose '{campaign.guarantee}'", table(cells)))
+    print(counted(sum(c["runs"] for c in cells), sum(c["distinct"] for c in cells)))
     if reasons := _reasons(row["reason"] for row in rows if row["status"] != FLOWN):
         print("not flown to the end of its verdicts:")
         for line in reasons:

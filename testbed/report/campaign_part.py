@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from testbed.campaigns.distinct import counted
 from testbed.campaigns.folder import MANIFEST, RUNS, SUMMARY
 from testbed.claims.registry import SEPARATION
 from testbed.report import embed, settings
@@ -41,6 +42,9 @@ def part(folder: Path, title: str) -> Part:
         text += f"; none in {len(held)} of {len(cells)} cells"
     voided = sum(c.get("refused", 0) + c.get("failed", 0) for c in cells)
     details = [f"A run counts as lost unless {guarantee} holds."]
+    # Campaigns of earlier versions did not count distinct results.
+    if all("distinct" in c for c in cells):
+        details.append(counted(sum(c["runs"] for c in cells), sum(c["distinct"] for c in cells)) + ".")
     if voided:
         details.append(f"{voided} of them were refused or failed.")
     rows = [_row(c) for c in cells]
@@ -100,8 +104,19 @@ def _fact(cell: Mapping[str, Any]) -> Fact:
 def _row(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers of a cell, what is nested written out."""
     low, pair = cell["quantile_05"], cell["against_first"] or {}
-    keep = ("cell", "runs", "lost", "rate_low", "rate_high", "refused", "failed", "ended_early", "least")
-    return {k: cell[k] for k in keep} | {
+    keep = (
+        "cell",
+        "runs",
+        "distinct",
+        "lost",
+        "rate_low",
+        "rate_high",
+        "refused",
+        "failed",
+        "ended_early",
+        "least",
+    )
+    return {k: cell.get(k) for k in keep} | {
         "quantile_05": low[0],
         "median": cell["median"],
         "decision": cell["decision"],

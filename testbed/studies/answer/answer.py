@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from testbed.campaigns.distinct import distinct
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -97,6 +98,7 @@ def _row(key: tuple[str, int, str, str], runs: list[dict[str, Any]]) -> dict[str
         "weather": weather,
         "remedy": remedy,
         "runs": lost.runs,
+        "distinct": distinct(runs, without=("seed", "rung")),
         "lost": lost.count,
         "rate_low": lost.low,
         "rate_high": lost.high,

@@ -130,6 +130,7 @@ def summary(table: pd.DataFrame, d_safe: float) -> pd.DataFrame:
     groups = table.groupby(["vehicles", "heading_deg", "barrier", "dt_s"], sort=True)
     return groups.agg(
         runs=("seed", "size"),
+        distinct=("min_distance_m", "nunique"),
         below_ds=("min_distance_m", lambda d: int((d < d_safe).sum())),
         below_h0=("min_h_m", lambda h: int((h < 0).sum())),
         least_m=("min_distance_m", "min"),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.campaigns.distinct import distinct
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -168,6 +169,12 @@ def rates(table: pd.DataFrame, ladder: Sequence[Rung]) -> dict[str, Rate]:
     return found
 
 
+def distinct_runs(table: pd.DataFrame, rung: str) -> int:
+    """How many different results the runs of a rung have; runs that could not start are not among them."""
+    rows = table[(table.rung == rung) & ~_refused(table)]
+    return distinct(rows.drop(columns=["rung", "seed"]).to_dict("records"))
+
+
 def _refused(table: pd.DataFrame) -> pd.Series[bool]:
     """Runs that could not start; read from a file, a run that could has nan there."""
     return table.refused.fillna("") != ""
@@ -194,6 +201,7 @@ def summary(table: pd.DataFrame, ladder: Sequence[Rung]) -> pd.DataFrame:
     for steps in zip(*(a.steps for a in accounts.values()), strict=True):
         of = lost[steps[0].rung]
         row = {"rung": steps[0].rung, "flown": of.runs, "refused": int(refused.get(steps[0].rung, 0))}
+        row |= {"distinct": distinct_runs(table, steps[0].rung)}
         row |= {"lost": of.count, "rate_low": of.low, "rate_high": of.high}
         for (q, _), step in zip(accounts.items(), steps, strict=True):
             row |= {q: step.value} | changes({f"{q}_change": step.difference, f"{q}_alone": step.alone})

@@ -33,6 +33,7 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
             {
                 "rung": d.rung,
                 "lost": _rate(lost[d.rung]),
+                "distinct": ladders.distinct_runs(table, d.rung),
                 "d [m]": round(d.value, 2),
                 "change of d [95 % CI]": _mean(d.difference),
                 "alone": _mean(d.alone),

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, field
 from math import ceil, log
 from typing import TYPE_CHECKING, Any
 
+from testbed.campaigns.distinct import distinct
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -73,6 +74,7 @@ class Point:
     """One setting on some seeds; path, time and arrival are medians over its runs of the worst vehicle's.
 
     infeasible  vehicle-steps without a solution, over all runs
+    distinct    different results among the runs
     """
 
     setting: float
@@ -86,6 +88,7 @@ class Point:
     time_added_s: float | None
     goal_passed_s: float | None
     stage: str
+    distinct: int
 
 
 @dataclass
@@ -210,6 +213,7 @@ def _point(setting: float, rows: list[dict[str, Any]], stage: str) -> Point:
         _median([row.get("time_added_s") for row in rows]),
         _median([row.get("goal_passed_s") for row in rows]),
         stage,
+        distinct(rows, without=("seed", "rung")),
     )
 
 

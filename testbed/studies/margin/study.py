@@ -39,6 +39,7 @@ def margin(
             "stage": p.stage,
             knob: round(p.setting, 4),
             "lost": f"{p.violations}/{p.runs}",
+            "distinct": p.distinct,
             "95 % CI": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
             "d [m]": round(p.least_distance_m, 2),
             "no QP": p.infeasible,

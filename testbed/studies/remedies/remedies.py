@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from testbed.campaigns.distinct import distinct
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -49,6 +50,7 @@ def table(rows: pd.DataFrame, straight_m: float) -> pd.DataFrame:
             {
                 "remedy": name,
                 "n": len(of),
+                "distinct": distinct(of.drop(columns=["remedy", "rung"], errors="ignore").to_dict("records")),
                 "violations": lost.count,
                 "rate": lost.value,
                 "rate_low": lost.low,

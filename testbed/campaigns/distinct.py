@@ -1,0 +1,47 @@
+"""Refuses many seeds of the same run, and counts how many runs of many are distinct."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from testbed.campaigns.plan import Plan
+from testbed.errors import UserError
+from testbed.records.checksums import plain
+from testbed.scenario.randomness import random_fields
+from testbed.scenario.scenario import parse
+
+REMEDY = "add a perturbation of the start, such as start.heading_perturbation_deg = 5"
+
+
+def check_distinct(plan: Plan) -> None:
+    """UserError if a cell has several seeds and nothing in it depends on the seed."""
+    for cell in plan.cells:
+        runs = plan.of(cell.number)
+        if len(runs) < 2 or any(r.draws != runs[0].draws for r in runs):
+            continue
+        if not random_fields(parse(plan.data(runs[0]))):
+            where = plan.campaign.name + (f", {cell.label}" if len(plan.cells) > 1 else "")
+            one = "looks = [1]" if plan.campaign.stop is not None else "seeds = 1"
+            raise UserError(
+                f"{where}: {len(runs)} seeds, nothing random: all are the same run; add [random], or {one},"
+                f" or {REMEDY.removeprefix('add ')}"
+            )
+
+
+def distinct(rows: Iterable[Mapping[str, Any]], without: Iterable[str] = ("seed",)) -> int:
+    """How many different results there are among the rows of runs.
+
+    without  columns that name a run and are no result of it
+    """
+    left_out = set(without)
+    results = ({k: v for k, v in row.items() if k not in left_out} for row in rows)
+    return len({json.dumps(plain(result), sort_keys=True) for result in results})
+
+
+def counted(runs: int, found: int) -> str:
+    """Runs and distinct results in words, with what follows where results repeat."""
+    if found == runs:
+        return f"{runs} runs, all distinct"
+    return f"{runs} runs, only {found} distinct: intervals and tests take them for {runs} independent ones"
