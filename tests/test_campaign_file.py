@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from testbed.campaigns import file, view
-from testbed.campaigns.distinct import counted, distinct
+from testbed.campaigns.distinct import counted, distinct_results
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import GUARANTEES, Campaign, Distribution
 from testbed.campaigns.identity import ROOT, code_id, content_id, modules
@@ -245,12 +245,12 @@ def test_the_view_says_done_failed_running_the_rate_with_its_interval_and_the_ti
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("seeds = 40", "c: 40 seeds, nothing random: all are the same run; add [random], or seeds = 1"),
+        ("seeds = 40", "c: 40 seeds, nothing random: add [random], or seeds = 1"),
         ("seeds = 2\n[random]\nd_safe_m = { choice = [5] }", "c: 2 seeds, nothing random"),
         ("seeds = 2\n[set]\nloss = 1.0", "c: 2 seeds, nothing random"),
         (
             "[stop]\nlooks = [5, 10]\ntarget = 0.1",
-            "nothing random: all are the same run; add [random], or looks = [1]",
+            "nothing random: add [random], or looks = [1]",
         ),
         (
             "seeds = 3\nplants = ['lagged']\n[grid]\n'gusts.intensity' = ['light', 'none']",
@@ -298,6 +298,6 @@ def test_a_seed_that_changes_a_run_is_known_to(setting: str) -> None:
 
 def test_distinct_results_are_counted_not_ids() -> None:
     rows = [{"seed": k, "value": v} for k, v in enumerate((1.0, 1.0, float("nan"), 2.0, float("nan")))]
-    assert distinct(rows) == 3 and distinct(rows, without=()) == 5
+    assert distinct_results(rows) == 3 and distinct_results(rows, without=()) == 5
     assert counted(5, 3) == "5 runs, only 3 distinct: intervals and tests take them for 5 independent ones"
     assert counted(5, 5) == "5 runs, all distinct"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from aircraft.kinematic import KinematicFleet
-from filters.model import Command
+from filters.model import Command, State
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal, journal_beside
 from testbed.components.components import Parts
@@ -69,12 +69,17 @@ class Lagging(KinematicFleet):
     def __init__(self, s: Scenario) -> None:
         super().__init__(2, s.rates.fdm_dt_s)
         a, b = s.lags.v_delay_s, s.lags.omega_delay_s
-        self.nearer = a + 2 * b + 3 * a * b
+        self.nearer, self.flown = a + 2 * b + 3 * a * b, False
 
     def step(self, command: Command, wind: Any, n: int) -> Any:
-        track = super().step(command, wind, n)
+        track, self.flown = super().step(command, wind, n), True
         track[:, 1, 1] -= self.nearer
         return track
+
+    def state(self) -> State:
+        places = super().state().array()
+        places[1, 1] -= self.nearer if self.flown else 0.0
+        return State.of(places)
 
 
 def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for() -> None:

@@ -317,7 +317,8 @@ def test_a_campaign_writes_its_page(tmp_path: Path, call: Callable[..., int]) ->
     file, out = tmp_path / "c.toml", tmp_path / "out"
     file.write_text(
         'name = "small"\ndescription = "<b>"\nscenario = "paper-2-turn"\nseeds = 3\nplants = ["unicycle"]\n'
-        'remedies = ["none", "buffer 1 m"]\n[set]\nduration_s = 0.1\nheading_perturbation_deg = 1\n"checks.manoeuvre_instants" = 0\n'
+        'remedies = ["none", "buffer 1 m"]\n[set]\nduration_s = 0.1\nheading_perturbation_deg = 1\n'
+        '"checks.manoeuvre_instants" = 0\n'
     )
     assert call("campaign", "run", file, "--out", out, "--workers", 1) == 0
     text = (out / "report.html").read_text(encoding="utf-8")

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from testbed.campaigns.plan import Plan
 from testbed.errors import UserError
-from testbed.records.checksums import plain
 from testbed.scenario.randomness import random_fields
 from testbed.scenario.scenario import parse
+from testbed.statistics import distinct, nothing_random
 
-REMEDY = "add a perturbation of the start, such as start.heading_perturbation_deg = 5"
+REMEDY = "perturb the start, for example start.heading_perturbation_deg = 5"
 
 
 def check_distinct(plan: Plan) -> None:
@@ -23,21 +22,19 @@ def check_distinct(plan: Plan) -> None:
             continue
         if not random_fields(parse(plan.data(runs[0]))):
             where = plan.campaign.name + (f", {cell.label}" if len(plan.cells) > 1 else "")
-            one = "looks = [1]" if plan.campaign.stop is not None else "seeds = 1"
-            raise UserError(
-                f"{where}: {len(runs)} seeds, nothing random: all are the same run; add [random], or {one},"
-                f" or {REMEDY.removeprefix('add ')}"
-            )
+            said = nothing_random(len(runs))
+            if plan.campaign.stop is not None:
+                said = said.replace("seeds = 1", "looks = [1]")
+            raise UserError(f"{where}: {said}, or {REMEDY}; every seed gives the same run")
 
 
-def distinct(rows: Iterable[Mapping[str, Any]], without: Iterable[str] = ("seed",)) -> int:
+def distinct_results(rows: Iterable[Mapping[str, Any]], without: Iterable[str] = ("seed",)) -> int:
     """How many different results there are among the rows of runs.
 
     without  columns that name a run and are no result of it
     """
     left_out = set(without)
-    results = ({k: v for k, v in row.items() if k not in left_out} for row in rows)
-    return len({json.dumps(plain(result), sort_keys=True) for result in results})
+    return distinct([{k: v for k, v in row.items() if k not in left_out} for row in rows])
 
 
 def counted(runs: int, found: int) -> str:

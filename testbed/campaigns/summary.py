@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.campaigns.distinct import distinct
+from testbed.campaigns.distinct import distinct_results
 from testbed.campaigns.flight import FAILED, REFUSED
 from testbed.campaigns.progress import Progress
 from testbed.statistics import paired_verdicts, quantile, rate
@@ -36,7 +36,7 @@ def summary(state: Progress) -> list[dict[str, Any]]:
             "cell": cell.label,
             "parameters": cell.parameters,
             "runs": len(runs),
-            "distinct": distinct(found),
+            "distinct": distinct_results(found),
             "lost": seen.count,
             "rate_low": seen.low,
             "rate_high": seen.high,

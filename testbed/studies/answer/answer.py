@@ -6,9 +6,10 @@ Every row is one setting flown from common seeded starts; the verdict is separat
 from __future__ import annotations
 
 from collections.abc import Iterable
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from testbed.campaigns.distinct import distinct
+from testbed.campaigns.distinct import distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -91,19 +92,19 @@ def answer(
 def _row(key: tuple[str, int, str, str], runs: list[dict[str, Any]]) -> dict[str, Any]:
     vehicle, n, weather, remedy = key
     lost = rate([r.get("distance_verdict") != "holds" for r in runs])
-    distances = sorted(r["distance_m"] for r in runs if r.get("distance_m") is not None)
+    distances = [r["distance_m"] for r in runs if r.get("distance_m") is not None]
     return {
         "vehicle": vehicle,
         "number": n,
         "weather": weather,
         "remedy": remedy,
         "runs": lost.runs,
-        "distinct": distinct(runs, without=("seed", "rung")),
+        "distinct": distinct_results(runs, without=("seed", "rung")),
         "lost": lost.count,
         "rate_low": lost.low,
         "rate_high": lost.high,
-        "least_distance_m": distances[0] if distances else float("nan"),
-        "median_distance_m": distances[len(distances) // 2] if distances else float("nan"),
+        "least_distance_m": min(distances) if distances else float("nan"),
+        "median_distance_m": median(distances) if distances else float("nan"),
         "least_h_m": min((r["h_m"] for r in runs if r.get("h_m") is not None), default=float("nan")),
         "infeasible_steps": sum(r.get("infeasible") or 0 for r in runs),
         # Runs in which every vehicle passed its goal: keeping clear by never arriving is no success.

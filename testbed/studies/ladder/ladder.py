@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.campaigns.distinct import distinct
+from testbed.campaigns.distinct import distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -172,7 +172,7 @@ def rates(table: pd.DataFrame, ladder: Sequence[Rung]) -> dict[str, Rate]:
 def distinct_runs(table: pd.DataFrame, rung: str) -> int:
     """How many different results the runs of a rung have; runs that could not start are not among them."""
     rows = table[(table.rung == rung) & ~_refused(table)]
-    return distinct(rows.drop(columns=["rung", "seed"]).to_dict("records"))
+    return distinct_results(rows.drop(columns=["rung", "seed"]).to_dict("records"))
 
 
 def _refused(table: pd.DataFrame) -> pd.Series[bool]:

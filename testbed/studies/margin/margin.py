@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field
 from math import ceil, log
 from typing import TYPE_CHECKING, Any
 
-from testbed.campaigns.distinct import distinct
+from testbed.campaigns.distinct import distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -213,7 +213,7 @@ def _point(setting: float, rows: list[dict[str, Any]], stage: str) -> Point:
         _median([row.get("time_added_s") for row in rows]),
         _median([row.get("goal_passed_s") for row in rows]),
         stage,
-        distinct(rows, without=("seed", "rung")),
+        distinct_results(rows, without=("seed", "rung")),
     )
 
 

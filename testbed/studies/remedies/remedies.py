@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbed.campaigns.distinct import distinct
+from testbed.campaigns.distinct import distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -50,7 +50,9 @@ def table(rows: pd.DataFrame, straight_m: float) -> pd.DataFrame:
             {
                 "remedy": name,
                 "n": len(of),
-                "distinct": distinct(of.drop(columns=["remedy", "rung"], errors="ignore").to_dict("records")),
+                "distinct": distinct_results(
+                    of.drop(columns=["remedy", "rung"], errors="ignore").to_dict("records")
+                ),
                 "violations": lost.count,
                 "rate": lost.value,
                 "rate_low": lost.low,
