@@ -22,6 +22,7 @@ VEHICLES = {
 VERDICT = {
     "id": "separation",
     "value": 6.5,
+    "t_s": 7.5,
     "verdict": "holds",
     "why": "",
     "claim": "apart",
@@ -46,7 +47,7 @@ def compared(tmp_path: Path, changes: dict[str, Any] | None = None, **verdict: A
 
 def test_equal_folders_have_no_change(tmp_path: Path) -> None:
     moved = compared(tmp_path)
-    assert not moved.any and moved.numbers == 5
+    assert not moved.any and moved.numbers == 6
 
 
 def test_a_number_moved_by_more_than_the_tolerance_is_found(tmp_path: Path) -> None:
@@ -73,6 +74,12 @@ def test_the_order_of_rows_is_no_change(tmp_path: Path) -> None:
 
 def test_a_changed_verdict_is_found(tmp_path: Path) -> None:
     assert compared(tmp_path, verdict="lost").words == ["separation.verdict"]
+
+
+def test_a_worst_instant_may_move_to_another_just_as_bad(tmp_path: Path) -> None:
+    moved = compared(tmp_path / "a", t_s=7.6)
+    assert not moved.any and moved.ties == ["separation.t_s"]
+    assert compared(tmp_path / "b", t_s=7.6, value=6.4).any
 
 
 def test_wording_is_no_change_but_a_new_sentence_is(tmp_path: Path) -> None:

@@ -6,7 +6,8 @@
 `produce` calls the checkout's own command line, in its own environment; it takes about a quarter of an hour.
 `compare` prints what moved and exits 1 if any number moved by more than 1e-12 of its size (of 1 for smaller
 numbers), or if a verdict, status or other word changed. Left out: timing, hashes, versions, scenarios and the
-wording of sentences; of a sentence it only compares whether there is one.
+wording of sentences; of a sentence it only compares whether there is one. A worst instant that moved to
+another one just as bad is printed as a tie.
 """
 
 from __future__ import annotations
@@ -102,6 +103,7 @@ class Moved:
     numbers: int = 0
     largest: float = 0.0
     where: str = ""
+    ties: list[str] = field(default_factory=list)  # worst instants that moved to another one just as bad
     words: list[str] = field(default_factory=list)  # words, shapes and places without a number
     gone: list[str] = field(default_factory=list)
     new: list[str] = field(default_factory=list)
@@ -130,11 +132,20 @@ def differ(before: dict[str, np.ndarray], after: dict[str, np.ndarray]) -> Moved
             continue
         moved.numbers += was.size
         change = difference(was, after[key])
+        if change > TOLERANCE and key.endswith(".t_s") and _as_bad(key, before, after):
+            moved.ties.append(key)
+            continue
         if not np.isfinite(change):
             moved.words.append(key)
         elif change > moved.largest:
             moved.largest, moved.where = change, key
     return moved
+
+
+def _as_bad(instant: str, before: dict[str, np.ndarray], after: dict[str, np.ndarray]) -> bool:
+    """Whether the value of the verdict whose worst instant this is has stayed what it was."""
+    value = instant.removesuffix(".t_s") + ".value"
+    return value in before and value in after and difference(before[value], after[value]) <= TOLERANCE
 
 
 def _files(folder: Path) -> Iterator[tuple[str, Callable[[Path], dict[str, np.ndarray]]]]:
@@ -216,7 +227,7 @@ def main() -> int:
     report = compare(asked.before, asked.after)
     for name, moved in report.items():
         print(f"{name:48} {moved.numbers:9d} values, largest change {moved.largest:.1e} {moved.where}")
-        for kind in ("words", "gone", "new"):
+        for kind in ("ties", "words", "gone", "new"):
             if found := getattr(moved, kind):
                 print(f"    {kind}: {', '.join(found[:6])}{f' and {len(found) - 6} more' * (len(found) > 6)}")
     changed = [name for name, moved in report.items() if moved.any]
