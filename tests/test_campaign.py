@@ -19,6 +19,7 @@ import pandas as pd
 import psutil
 import pytest
 
+from aircraft.airframe import copy
 from testbed.campaigns.cluster import Cluster
 from testbed.campaigns.folder import locked
 from testbed.campaigns.outcome import Executor
@@ -415,3 +416,26 @@ def test_an_unreachable_cluster_is_one_line(
     assert len(said) == 1 and "no Dask scheduler answers there within 0.5 s" in said[0]
     assert call("campaign", "status", tmp_path / "out") == 0
     assert "0 of 30 runs done" in capsys.readouterr().out
+
+
+def test_a_finished_campaign_is_read_after_its_airframe_was_edited(
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    wing, out = copy("x8", tmp_path / "wing"), tmp_path / "out"
+    text = SHORT.replace('["unicycle", "lagged"]', '["lagged"]') + f'[grid]\nairframes = [["{wing}"]]\n'
+    file = campaign_file(tmp_path, seeds=2, text=text)
+    assert call("campaign", "run", file, "--out", out, "--workers", 1) == 0
+    capsys.readouterr()
+    assert call("campaign", "status", out) == 0
+    assert "changed" not in capsys.readouterr().out
+    model = wing / "x8.xml"
+    model.write_text(model.read_text().replace("<wingarea", "<!-- another wing --><wingarea", 1))
+    assert call("campaign", "status", out) == 0
+    said = capsys.readouterr().out
+    assert "0/2" in said
+    assert "airframe wing has changed since; these are the numbers of the earlier one" in said
+    assert call("report", out) == 0
+    assert "Airframe wing has changed since" in (out / "report.html").read_text(encoding="utf-8")
+    capsys.readouterr()
+    assert call("campaign", "resume", out) == 2
+    assert "was begun with other files or gains of airframe wing; restore them" in capsys.readouterr().err

@@ -1,10 +1,12 @@
-"""What a number depends on, as short hashes: equal content, equal name."""
+"""Names runs by what their numbers depend on: scenario, code, packages and airframe files."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import re
+from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -50,21 +52,40 @@ def code_id(start: str = "testbed.simulation.simulate") -> str:
 
 
 class AirframeHashes:
-    """What a run has of airframes' files and gains, read once for each set of airframes."""
+    """Checksums of the airframes that scenarios use, computed once for each set of airframes.
 
-    def __init__(self) -> None:
-        self._known: dict[Any, dict[str, str]] = {}
+    recorded  what an earlier process computed, `known` of then; nothing is read from files where it is given
+    known     JSON of what decides a scenario's airframes -> airframe -> SHA-256
+    """
+
+    def __init__(self, recorded: Mapping[str, dict[str, str]] | None = None) -> None:
+        self._from_files = recorded is None
+        self.known: dict[str, dict[str, str]] = dict(recorded or {})
 
     def of(self, s: Scenario) -> dict[str, str]:
-        """Airframe -> SHA-256; empty where neither the plant nor a prediction knows an airframe."""
-        key = (s.plant, s.lags.source, s.remedy.predict_lags, s.vehicles, *s.airframes)
-        if key not in self._known:
-            self._known[key] = catalogue.airframe_hashes(s)
-        return self._known[key]
+        """Airframe -> SHA-256 of its files and gains; empty where no airframe is used."""
+        decides = [s.plant, s.lags.source, s.remedy.predict_lags, s.vehicles, *s.airframes]
+        key = json.dumps(decides)
+        if key not in self.known:
+            self.known[key] = catalogue.airframe_hashes(s) if self._from_files else {}
+        return self.known[key]
+
+
+def changed_airframes(recorded: Mapping[str, dict[str, str]]) -> list[str]:
+    """Names of airframes whose files or gains are no longer those of `AirframeHashes.known`, or are gone."""
+    from aircraft.airframe import load
+
+    now: dict[str, str] = {}
+    for source in {source for key in recorded for source in json.loads(key)[4:]}:
+        with suppress(OSError, ValueError):
+            airframe = load(source)
+            now[airframe.name] = airframe.fingerprint()
+    then = {name: sha for hashes in recorded.values() for name, sha in hashes.items()}
+    return sorted(name for name, sha in then.items() if now.get(name) != sha)
 
 
 class RunIds:
-    """Names of runs: what has an equal name was flown by equal code and packages, from equal files.
+    """Names runs: runs of one name were flown by the same code and packages, from the same files.
 
     start  the module whose code makes a run's row
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -49,13 +49,17 @@ class Planned:
 
 @dataclass
 class Plan:
-    """Every run there may be, cell by cell in the axes' order and seed by seed."""
+    """Every run there may be, cell by cell in the axes' order and seed by seed.
+
+    airframes  checksums of the airframes used, see `AirframeHashes.known`
+    """
 
     campaign: Campaign
     base: Scenario
     code: str
     cells: list[Cell]
     runs: list[Planned]
+    airframes: dict[str, dict[str, str]] = field(default_factory=dict)
     id: str = field(init=False)
 
     def __post_init__(self) -> None:
@@ -89,9 +93,16 @@ def base(campaign: Campaign, folder: Path) -> Scenario:
     return scenario.parse(data, "set" if campaign.set else source, keep_idle=True)
 
 
-def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan:
-    """All runs of `campaign` on the base scenario `start`, under this code's name unless another is given.
+def expand(
+    campaign: Campaign,
+    start: Scenario,
+    code: str | None = None,
+    airframes: Mapping[str, dict[str, str]] | None = None,
+) -> Plan:
+    """All runs of `campaign` on the base scenario `start`.
 
+    code       name of the code that flies them; None: this code's
+    airframes  `Plan.airframes` of an earlier process; None: computed from the files as they are
     Raises UserError naming the axis, the cell or the seed whose scenario is refused, or a field set twice.
     """
     axes = _axes(campaign, start)
@@ -103,7 +114,7 @@ def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan
         count *= len(options)
     if count > MOST_RUNS:
         raise UserError(f"{campaign.name}: {count} runs are more than {MOST_RUNS}; thin an axis or the seeds")
-    code, hashes = code or code_id(), AirframeHashes()
+    code, hashes = code or code_id(), AirframeHashes(airframes)
     cells, runs, variants = [], [], Variants()
     for number, chosen in enumerate(itertools.product(*(o.items() for o in axes.values()))):
         parameters = dict(zip(axes, (label for label, _ in chosen), strict=True))
@@ -120,7 +131,7 @@ def expand(campaign: Campaign, start: Scenario, code: str | None = None) -> Plan
             run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own])
             runs.append(Planned(run, number, seed, draws))
     variants.refuse(campaign.name)
-    return Plan(campaign, start, code, cells, runs)
+    return Plan(campaign, start, code, cells, runs, hashes.known)
 
 
 def _axes(campaign: Campaign, start: Scenario) -> dict[str, dict[Any, Fields]]:

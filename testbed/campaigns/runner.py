@@ -12,6 +12,7 @@ from testbed.campaigns import engine, file, folder, tables
 from testbed.campaigns.distinct import check_distinct
 from testbed.campaigns.file import SCHEMA_VERSION
 from testbed.campaigns.flight import FAILED, blank, fly
+from testbed.campaigns.identity import changed_airframes
 from testbed.campaigns.job import Job
 from testbed.campaigns.outcome import CrashError, Executor, Outcome
 from testbed.campaigns.plan import Plan, Planned, base, expand
@@ -47,20 +48,27 @@ def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
 
 
 def reopen(out: Path, to_fly: bool = True) -> Plan:
-    """The plan that a folder was made for; UserError if what it depends on has changed since.
+    """The plan that a folder was made for.
 
-    to_fly  False: the code may have changed, nothing will be flown
+    to_fly  False: code and airframes may have changed, for nothing will be flown
+    Raises  UserError if something that the runs depend on has changed since, naming it
     """
     found = folder.manifest(out)
     if found.get("schema_version") != SCHEMA_VERSION:
         raise UserError(f"{out} has schema version {found.get('schema_version')}, not {SCHEMA_VERSION}")
     campaign = file.parse(found["campaign"], str(out / folder.MANIFEST))
-    start = scenario.parse(found["base"], str(out / folder.MANIFEST))
-    plan = expand(campaign, start, None if to_fly else found["code"])
+    start = scenario.parse(found["base"], str(out / folder.MANIFEST), keep_idle=True)
+    recorded = found.get("airframes")
+    if to_fly and recorded is not None and (changed := changed_airframes(recorded)):
+        raise UserError(
+            f"{out} was begun with other files or gains of airframe {', '.join(changed)}; restore them, or"
+            " run the campaign again into another folder; campaign status and report read it as it is"
+        )
+    plan = expand(campaign, start) if to_fly else expand(campaign, start, found["code"], recorded)
     if (plan.id, plan.code) != (found["id"], found["code"]):
         raise UserError(
-            f"{out} was begun by other code, packages or airframe files (code {found['code']}, now"
-            f" {plan.code}); go on with those, or run it anew into another folder"
+            f"{out} was begun by other code or packages (code {found['code']}, now {plan.code}); go on with"
+            " those, or run the campaign again into another folder"
         )
     return plan
 
@@ -146,4 +154,5 @@ def _manifest(plan: Plan) -> dict[str, Any]:
         "runs": len(plan.runs),
         "campaign": plan.campaign.model_dump(mode="json"),
         "base": plan.base.model_dump(mode="json"),
+        "airframes": plan.airframes,
     }

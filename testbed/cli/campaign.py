@@ -63,11 +63,15 @@ def resume(
 def status(folder: FolderArg, as_json: JsonOption = False) -> None:
     """How far a campaign is, and what its runs say so far. Reads only."""
     from testbed.campaigns.folder import is_locked, journal
+    from testbed.campaigns.identity import changed_airframes
     from testbed.campaigns.progress import progress
     from testbed.campaigns.runner import reopen
 
     state = progress(reopen(folder, to_fly=False), journal(folder).entries)
     _report(state, folder, as_json, flying=is_locked(folder))
+    if not as_json:
+        for name in changed_airframes(state.plan.airframes):
+            print(f"airframe {name} has changed since; these are the numbers of the earlier one")
 
 
 @app.command(

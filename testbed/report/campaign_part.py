@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.campaigns.distinct import counted
 from testbed.campaigns.folder import MANIFEST, RUNS, SUMMARY
+from testbed.campaigns.identity import changed_airframes
 from testbed.claims.registry import SEPARATION
 from testbed.report import embed, settings
 from testbed.report.blocks import KEPT, LOST, OPEN, Block, Fact, Part, Picture, Section, Table, download
@@ -47,6 +48,10 @@ def part(folder: Path, title: str) -> Part:
         details.append(counted(sum(c["runs"] for c in cells), sum(c["distinct"] for c in cells)) + ".")
     if voided:
         details.append(f"{voided} of them were refused or failed.")
+    details += [
+        f"Airframe {name} has changed since; these are the numbers of the earlier one."
+        for name in changed_airframes(manifest.get("airframes") or {})
+    ]
     rows = [_row(c) for c in cells]
     tables: list[Block] = [
         Table(
@@ -84,7 +89,9 @@ def _asked(manifest: Mapping[str, Any]) -> Block:
 
 
 def _provenance(manifest: Mapping[str, Any]) -> list[Block]:
-    return settings.of_study({**manifest, "scenario": _base(manifest)})
+    recorded = manifest.get("airframes") or {}
+    airframes = {name: sha for hashes in recorded.values() for name, sha in hashes.items()}
+    return settings.of_study({**manifest, "scenario": _base(manifest), "airframes": airframes or None})
 
 
 def _base(manifest: Mapping[str, Any]) -> Any:
