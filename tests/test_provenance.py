@@ -12,14 +12,10 @@ import pytest
 import testbed
 from aircraft.airframe import copy, load
 from aircraft.airframes.editing import replace_tables, set_values
-from aircraft.airframes.provenance import (
-    fitted_fingerprint,
-    identified_fingerprint,
-    stale_feedforward,
-    stale_lags,
-)
+from aircraft.airframes.provenance import fitted_fingerprint, identified_fingerprint
 from aircraft.airframes.schema import AIRFRAMES, names
 from aircraft.autopilots import gains, remaking
+from aircraft.autopilots.freshness import stale_feedforward, stale_lags
 from aircraft.check.check import check
 from testbed.components import catalogue
 from testbed.scenario.scenario import load as load_scenario
@@ -130,7 +126,9 @@ def test_a_gains_file_makes_lags_stale_and_may_carry_its_own(tmp_path: Path) -> 
     lags = (
         (AIRFRAMES / "x8" / "airframe.toml").read_text().partition("[identified]")[2].partition("# What")[0]
     )
-    file.write_text(file.read_text() + "\n[identified]" + re.sub('"[0-9a-f]{16}"', f'"{fresh}"', lags))
+    file.write_text(
+        file.read_text() + "\n[identified]" + re.sub('"[0-9a-f]{8}-[0-9a-f]{8}"', f'"{fresh}"', lags)
+    )
     (found,) = catalogue.lags(s)[:1]
     assert found[1].time_constant_s == load("x8").identified.omega.time_constant_s
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from aircraft.airframes.schema import Airframe, read_airframe
+from aircraft.airframes.schema import Airframe, AirframeFileError, read_airframe
 from aircraft.airframes.xml import Element, RefusedError, read
+from aircraft.textfile import line_of, read_text
 
 
 @dataclass(frozen=True)
@@ -51,16 +51,13 @@ def read_folder(folder: Path) -> tuple[Files | None, list[Finding]]:
     """The files of an airframe, followed from airframe.toml, and what is wrong with reading them."""
     toml = "airframe.toml"
     if not (folder / toml).is_file():
-        return None, [
-            Finding("files", "error", toml, None, "does not exist", "copy the one of the x8 and edit it")
-        ]
+        remedy = "copy an airframe and edit it: testbed aircraft copy x8 FOLDER"
+        return None, [Finding("files", "error", toml, None, "does not exist", remedy)]
     try:
         airframe = read_airframe(folder)
-    except ValueError as error:
-        message = str(error).removeprefix(f"{folder / toml}: ").removeprefix(f"{folder.resolve() / toml}: ")
-        return None, [
-            Finding("airframe.toml", "error", toml, toml_line(folder / toml, message), message, "correct it")
-        ]
+    except AirframeFileError as error:
+        remedy = f"correct {error.key}" if error.key else "correct this line"
+        return None, [Finding("airframe.toml", "error", toml, error.line, error.message, remedy)]
     files, findings = Files(folder.resolve(), airframe, {}), []
     waiting: list[tuple[str, str, int | None]] = [(files.model, toml, toml_line(folder / toml, "model"))]
     while waiting:
@@ -94,12 +91,11 @@ def read_folder(folder: Path) -> tuple[Files | None, list[Finding]]:
     return files, findings
 
 
-def toml_line(path: Path, message: str) -> int | None:
-    """The line of airframe.toml that a message is about: its own "line N", or the key it begins with."""
-    if m := re.search(r"at line (\d+)", message):
-        return int(m[1])
-    key = message.split(":")[0].split(".")[-1]
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
-        if re.match(rf"\s*\[?{re.escape(key)}\b", line):
-            return number
-    return None
+def toml_line(path: Path, key: str) -> int | None:
+    """The line of a TOML file that says a dotted key, gains.turn.damping, or that of its nearest table."""
+    try:
+        text, parts = read_text(path), key.split(".")
+    except (OSError, ValueError):
+        return None
+    found = (line_of(text, parts[:n]) for n in range(len(parts), 0, -1))
+    return next((line for line in found if line is not None), None)

@@ -29,59 +29,40 @@ FITTED = (
 _USED = ("mass_kg", "wing_area_m2", "thrust_area_share", "motor_speed_mps", "elevator_norm_rad")
 _AUTOPILOT = "systems/autopilot.xml"
 _PROSE = {"fileheader", "documentation", "description", "note", "author", "license", "reference", "email"}
-_DIGITS = 16  # hexadecimal
+_DIGITS = 8  # hexadecimal, of each half
 
 
 def identified_fingerprint(airframe: Airframe) -> str:
-    """Of what lags are identified on: the model with its autopilot, all gains, the speeds of the steps."""
-    return _digest([_model(airframe, autopilot=True), airframe.gains, airframe.speeds.model_dump()])
+    """Of what lags are identified on: gains, speeds of the steps and autopilot, "-", the model."""
+    files = _files(airframe)
+    autopilot, model = ([f for f in files if (f[0] == _AUTOPILOT) == wanted] for wanted in (True, False))
+    return f"{_digest([autopilot, airframe.gains, airframe.speeds.model_dump()])}-{_digest(model)}"
 
 
 def fitted_fingerprint(airframe: Airframe) -> str:
-    """Of the fitted gains and of what they are fitted to: the model, and the gains and speeds that enter."""
+    """Of the fitted gains, and the gains and speeds that enter their fit, "-", the model."""
     known = airframe.gains.get("airframe", {})
     envelope = airframe.gains.get("envelope", {}).get("airspeed_min_mps")
     gains = {name: known.get(name) for name in (*FITTED, *_USED)}
-    return _digest([_model(airframe, autopilot=False), gains, envelope, airframe.speeds.v_max_mps])
+    model = [f for f in _files(airframe) if f[0] != _AUTOPILOT]
+    return f"{_digest([gains, envelope, airframe.speeds.v_max_mps])}-{_digest(model)}"
 
 
-def stale_lags(airframe: Airframe) -> str | None:
-    """Why the identified lags are not this aircraft's, and what remakes them; None if they are."""
-    if airframe.identified is None:
+def differs(fingerprint: str, now: str) -> str | None:
+    """What two fingerprints differ in: "gains", "model", or None."""
+    if fingerprint == now:
         return None
-    remedy = f"run: testbed aircraft identify {airframe.argument}"
-    if airframe.identified.fingerprint is None:
-        return f"[identified] does not say from which model and gains it was made; {remedy}"
-    if airframe.identified.fingerprint != identified_fingerprint(airframe):
-        return f"[identified] was made from another model, other gains or other speeds; {remedy}"
-    return None
+    return "model" if fingerprint.partition("-")[0] == now.partition("-")[0] else "gains"
 
 
-def stale_feedforward(airframe: Airframe) -> str | None:
-    """Why the fitted feed-forward is not this model's, with the command that remakes it; None if it is.
-
-    Gains without a [fitted] table are a person's own, and never stale.
-    """
-    if airframe.fitted is None or airframe.fitted.fingerprint == fitted_fingerprint(airframe):
-        return None
-    return (
-        "[fitted]: the feed-forward of [gains.airframe] was fitted to another model, or was edited since;"
-        f" run: testbed aircraft trim {airframe.argument}"
-    )
-
-
-def _model(airframe: Airframe, autopilot: bool) -> list[Any]:
+def _files(airframe: Airframe) -> list[list[Any]]:
     """The XML files that the model consists of, in order of their names, as nested lists."""
     files, _ = read_folder(airframe.folder)
     if files is None:
         return []
     # Defaults of gains in the autopilot are overwritten by airframe.toml whenever the model is loaded.
     gains = {property_name(name) for name in airframe.gain_values()}
-    return [
-        [name, *_element(tree, gains)]
-        for name, tree in sorted(files.trees.items())
-        if autopilot or name != _AUTOPILOT
-    ]
+    return [[name, *_element(tree, gains)] for name, tree in sorted(files.trees.items())]
 
 
 def _element(e: Element, gains: set[str]) -> Iterator[Any]:

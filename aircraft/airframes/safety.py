@@ -28,6 +28,8 @@ _PROSE = {
     "author",
     "license",
 }
+# Conditions of switches, arguments of functions, the property a table looks up.
+_READS = {"test", "condition", "p", "independentVar"}
 _KEEP = "keep every file below the folder"
 
 
@@ -97,10 +99,21 @@ def _says(e: Element) -> Iterator[tuple[str, str]]:
     if e.name == "output" and ({"port", "protocol", "type", "rate"} & e.attributes.keys()):
         yield "<output> writes files or to a network", "remove it"
     if e.name not in _PROSE:
-        for text in (e.text, *e.attributes.values()):
+        texts = [*e.attributes.values()] if _only_reads(e) else [e.text, *e.attributes.values()]
+        for text in texts:
             name = "-".join(text.lower().lstrip("-").split())
             if re.search(r"simulation\s*[/\[]", name) and name not in _TIME:
                 yield f"{text.strip()} controls the simulation", "remove it"
+
+
+def _only_reads(e: Element) -> bool:
+    """Whether the text of an element names properties that JSBSim reads, and writes to none of them."""
+    if e.name in _READS:
+        return True
+    above = e.parent
+    while above is not None and above.name != "function":
+        above = above.parent
+    return e.name == "property" and "value" not in e.attributes and above is not None
 
 
 def _outside(folder: Path) -> Iterator[Finding]:

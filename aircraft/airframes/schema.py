@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from aircraft.textfile import read_toml
+from aircraft.textfile import TextError, line_of, parse_toml, read_text
 
 AIRFRAMES = Path(__file__).parent
 
@@ -84,7 +84,8 @@ class Identified(_Strict):
     """Channels identified on step responses, and where they come from."""
 
     command: str = Field(description="remakes the channels")
-    fingerprint: str | None = Field(None, description="of the model and gains they were made from")
+    fingerprint: str | None = Field(None, description="of the gains and model they were made from")
+    flown: list[Finite] = Field([], description="what the model flew then: see aircraft.autopilots.freshness")
     v: Channel
     omega: Channel
     zeta: Channel
@@ -197,36 +198,57 @@ def identified(table: Any) -> Identified:
     try:
         return Identified.model_validate(table)
     except ValidationError as error:
-        raise ValueError(first_error(error, "identified")) from None
+        keys, message = first_error(error)
+        raise ValueError(f"{'.'.join(map(str, ('identified', *keys)))}: {message}") from None
 
 
-def first_error(error: ValidationError, *within: str) -> str:
-    """The first field that does not validate and why, in one line; `within` are the tables around it."""
+def first_error(error: ValidationError) -> tuple[tuple[str | int, ...], str]:
+    """The first field that does not validate, as keys, and why, in one line."""
     # An unknown field explains another that is missing.
     first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    where = ".".join(str(p) for p in (*within, *first["loc"]))
-    unknown = first["type"] == "extra_forbidden"
-    message = "unknown field" if unknown else str(first["msg"]).removeprefix("Value error, ")
-    return f"{where}: {message}" if where else message
+    if first["type"] == "extra_forbidden":
+        return first["loc"], "unknown field"
+    message = str(first["msg"]).removeprefix("Value error, ")
+    # Our own validators name the field that they look at.
+    key = message.partition(":")[0]
+    if not first["loc"] and re.fullmatch(r"[a-z]\w*(\.\w+)+", key):
+        return tuple(key.split(".")), message.partition(": ")[2]
+    return first["loc"], message
+
+
+class AirframeFileError(ValueError):
+    """What is wrong with an airframe.toml: the message in one line, and the key and line that it is about."""
+
+    def __init__(self, path: Path, message: str, key: str = "", line: int | None = None) -> None:
+        super().__init__(f"{path}: {message}")
+        self.message = message
+        self.key = key
+        self.line = line
 
 
 def read_airframe(folder: Path) -> Airframe:
     """The airframe.toml of a folder, whatever else the folder holds.
 
-    Raises  FileNotFoundError; ValueError naming the file, the field and what is wrong with it
+    Raises  FileNotFoundError; AirframeFileError naming the file, the field and what is wrong with it
     """
     path = folder / "airframe.toml"
     try:
-        tables = read_toml(path)
-        for field in ("folder", "gains_file"):
-            if field in tables:
-                raise ValueError(f"{field}: unknown field")
-        return Airframe(**tables, folder=folder.resolve())
+        text = read_text(path)
+        tables = parse_toml(text)
     except FileNotFoundError:
         raise FileNotFoundError(
             f"no airframe {folder}: {path} does not exist; there are {', '.join(names())}, or give a folder"
         ) from None
-    except ValidationError as e:
-        raise ValueError(f"{path}: {first_error(e)}") from None
-    except ValueError as e:
-        raise ValueError(f"{path}: {e}") from None
+    except TextError as error:
+        raise AirframeFileError(path, str(error), line=error.line) from None
+    for field in ("folder", "gains_file"):
+        if field in tables:
+            raise AirframeFileError(path, f"{field}: unknown field", field, line_of(text, [field]))
+    try:
+        return Airframe(**tables, folder=folder.resolve())
+    except ValidationError as error:
+        keys, message = first_error(error)
+        lines = (line_of(text, keys[:n]) for n in range(len(keys), 0, -1))
+        line = next((found for found in lines if found is not None), 1)
+        key = ".".join(map(str, keys))
+        raise AirframeFileError(path, f"{key}: {message}" if key else message, key, line) from None

@@ -18,32 +18,53 @@ from aircraft.textfile import read_toml
 
 _UNIT = r"(_(radps|per_s2?|s|mps2?|rad|m|kg))?"
 
-
 # Sections whose gains multiply an error or are a time: below zero they destabilise.
 _NOT_NEGATIVE = ("turn", "climb", "speed", "rudder")
 
 
-def gain_faults(airframe: Airframe) -> list[str]:
-    """What is wrong with an airframe's gains, a line each: missing, unknown, negative where none may be."""
+@dataclass(frozen=True)
+class GainFault:
+    """What is wrong with one gain, section.name."""
+
+    gain: str
+    message: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.gain}: {self.message}"
+
+
+def needed_gains(airframe: Airframe) -> set[str]:
+    """The gains that the autopilot's equations use for this airframe, section_name."""
     mine = of_airframe(airframe)
     known = {*mine.assigned(), *mine.inputs, *mine.uses}
     trees = [ast.parse(e.formula, mode="eval") for c in mine.channels for e in c.equations]
     names = {n.id for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Name)}
     calls = {n.func for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Call)}
-    functions = {f.id for f in calls if isinstance(f, ast.Name)}
-    wanted, have = names - known - functions, airframe.gain_values()
-    faults = [
-        f"{n.replace('_', '.', 1)}: the autopilot needs this gain" for n in sorted(wanted - have.keys())
-    ]
-    faults += [
-        f"{n.replace('_', '.', 1)}: the autopilot has no such gain" for n in sorted(have.keys() - wanted)
-    ]
+    return names - known - {f.id for f in calls if isinstance(f, ast.Name)}
+
+
+def gain_faults(airframe: Airframe) -> list[GainFault]:
+    """What is wrong with an airframe's gains: missing, unknown, negative where none may be."""
+    wanted, have = needed_gains(airframe), airframe.gain_values().keys()
+    unknown, faults = sorted(have - wanted), []
+    for name in sorted(wanted - have):
+        section, _, key = name.partition("_")
+        near = difflib.get_close_matches(name, unknown, 1, 0.8)
+        remedy = f"rename {near[0].partition('_')[2]} to {key}" if near else f"add {key} to [gains.{section}]"
+        faults.append(GainFault(f"{section}.{key}", "the autopilot needs this gain", remedy))
+    for name in unknown:
+        section, _, key = name.partition("_")
+        near = difflib.get_close_matches(name, sorted(wanted - have), 1, 0.8)
+        remedy = f"rename it to {near[0].partition('_')[2]}" if near else "remove it"
+        faults.append(GainFault(f"{section}.{key}", "the autopilot has no such gain", remedy))
     for section in _NOT_NEGATIVE:
-        for name, value in airframe.gains.get(section, {}).items():
-            time = name.endswith(("filter_s", "model_lag_s"))
+        for key, value in airframe.gains.get(section, {}).items():
+            time = key.endswith(("filter_s", "model_lag_s"))
             if value < 0 or (time and value == 0):
                 least = "positive" if time else "zero or more"
-                faults.append(f"{section}.{name}: must be {least}, got {value:g}")
+                remedy = f"write {-value:g}" if value else "write how long it takes, in s"
+                faults.append(GainFault(f"{section}.{key}", f"must be {least}, got {value:g}", remedy))
     return faults
 
 

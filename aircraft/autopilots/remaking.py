@@ -16,6 +16,7 @@ from aircraft.airframes.provenance import fitted_fingerprint, identified_fingerp
 from aircraft.airframes.schema import Airframe
 from aircraft.autopilots.equations import autopilot, system_xml
 from aircraft.autopilots.feedforward import feedforward
+from aircraft.autopilots.freshness import flown
 from aircraft.autopilots.identification import CHANNELS, identify
 
 
@@ -63,6 +64,8 @@ def remade_lags(airframe: Airframe, progress: Callable[[str], None] = lambda wha
     progress  called with the channel that is flown next
     """
     found = "[identified]\n" + _provenance("identify", airframe, identified_fingerprint(airframe))
+    rows = ", ".join(map(repr, flown(airframe)))
+    found += f"flown = [{rows}]\n"
     for channel in CHANNELS:
         progress(f"steps of {channel}")
         time_constant, delay, falls, rises = identify(airframe, channel)

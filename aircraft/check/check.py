@@ -7,9 +7,11 @@ Each finding names the file, the line and the remedy. What no text and no flight
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -44,27 +46,39 @@ def check(folder: Path) -> list[Finding]:
 
 
 def fly(files: Files) -> list[Finding]:
-    """The findings of `aircraft.check.flight` on this folder; JSBSim may take the process with it."""
+    """The findings of `aircraft.check.flight` on this folder, in a process that JSBSim may abort."""
     with tempfile.TemporaryDirectory() as nowhere:  # what a model writes, it writes here
         try:
             done = subprocess.run(
                 [sys.executable, "-m", "aircraft.check.flight", str(files.folder)],
                 capture_output=True, text=True, cwd=nowhere, timeout=FLIGHT_LIMIT_S, check=False,
             )  # fmt: skip
-            lines, code = done.stdout.splitlines(), done.returncode
+            printed, ended = done.stdout, _ending(done.returncode, done.stderr)
         except subprocess.TimeoutExpired as late:
             out = late.stdout or b""
-            lines, code = (out.decode() if isinstance(out, bytes) else out).splitlines(), None
+            printed = out.decode(errors="replace") if isinstance(out, bytes) else out
+            ended = f"did not end in {FLIGHT_LIMIT_S:g} s"
     findings, stage = [], "starting"
-    for line in lines:
+    for line in printed.splitlines():
         said: dict[str, Any] = json.loads(line)
         stage = said.get("stage", stage)
         if "finding" in said:
-            findings.append(Finding(**said["finding"]))
-    if code != 0 and stage != "done":
-        what = f"did not end in {FLIGHT_LIMIT_S:g} s" if code is None else "took the process with it"
-        message = f"JSBSim {what} while {stage}"
-        findings.append(
-            Finding("flight", "error", files.model, None, message, "mend what is named above first")
-        )
+            found = Finding(**said["finding"])
+            # Commands are given as they are typed here, not where the other process runs.
+            remedy = found.remedy.replace(str(files.folder), files.airframe.argument)
+            findings.append(replace(found, remedy=remedy))
+    if stage != "done":
+        remedy = "correct what is named above" if findings else "take parts off the model until it goes on"
+        top = files.trees[files.model].line
+        findings.append(Finding("flight", "error", files.model, top, f"JSBSim {ended} while {stage}", remedy))
     return findings
+
+
+def _ending(code: int, errors: str) -> str:
+    """How a process ended, with the last line that it wrote to standard error."""
+    last = next((line.strip() for line in reversed(errors.splitlines()) if line.strip()), "")
+    how = f"exit code {code}"
+    if code < 0:
+        known = {s.value: s.name for s in signal.Signals}
+        how = known.get(-code, f"signal {-code}")
+    return f"ended the process ({how}{': ' + last if last else ''})"

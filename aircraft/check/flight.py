@@ -9,40 +9,48 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 from aircraft.airframes.files import Files, Finding, read_folder, toml_line
+from aircraft.airframes.references import declared
+from aircraft.autopilots.freshness import stale_feedforward, stale_lags
 from aircraft.autopilots.tuning import fly
 from aircraft.check.bench import Bench
 from aircraft.check.plausibility import PLAUSIBILITY
 from aircraft.jsbsim.errors import FdmError, UnresolvedError
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.loading import load
 from aircraft.jsbsim.rest import Start
 from aircraft.jsbsim.steady import Trim
 
 _FLOWN_S = 5.0
+_HELD = 0.5  # m/s or rad/s: how far level flight may stray
 
 
 def findings(files: Files, stage: Callable[[str], None]) -> Iterator[Finding]:
-    """Everything, in an order that asks the harmless first."""
-    model, airframe = files.model, files.airframe
+    """Everything, in an order that asks the harmless first; stops where nothing more can be asked."""
     stage("loading the model")
     try:
-        fdm = Fdm(airframe, 0.005, Origin())
+        executive = load(files.airframe, 0.005)
     except UnresolvedError as error:
         yield from error.findings
         return
     except FdmError as error:
-        message = " ".join(str(error).replace(f"{files.folder}/", "").split())
-        line = next((int(w) for w in message.replace(":", " ").split() if w.isdigit()), None)
-        yield Finding("load", "error", model, line, message, "mend what JSBSim names")
+        yield _loading(files, error)
         return
+    manager = executive.get_property_manager()
+    if wrong := list(_surfaces(files, lambda path: manager.get_node(path) is not None)):
+        yield from wrong
+        return
+    fdm = Fdm(files.airframe, 0.005, Origin())
     stage("evaluating forces")
     bench = Bench(files, fdm)
     for rule in PLAUSIBILITY:
@@ -50,27 +58,76 @@ def findings(files: Files, stage: Callable[[str], None]) -> Iterator[Finding]:
     stage("trimming")
     trims = list(_trims(files))
     yield from trims
-    if not trims:
-        stage(f"flying {_FLOWN_S:g} s")
-        yield from _flies(files)
+    if any(f.severity == "error" for f in trims):
+        return
+    stage(f"flying {_FLOWN_S:g} s")
+    yield from _flies(files)
+    stage("comparing derived numbers with their sources")
+    yield from _derived(files)
+
+
+def _loading(files: Files, error: FdmError) -> Finding:
+    """JSBSim's own message, at the file and line that it gives, or where the model has the word it quotes."""
+    message = " ".join(str(error).replace(f"{files.folder}/", "").split())
+    file, line = files.model, error.line
+    if error.file is not None:
+        file = Path(error.file).name
+        file = next((name for name in files.trees if Path(name).name == file), files.model)
+        message = message.removeprefix(f"{error.file}:{error.line}: ")
+    message = message.removeprefix(f"{files.model}: ")
+    if line is None:
+        words = re.findall(r'"([^"]+)"|got: (\S+)', message)
+        file, line = _mentions(files, [a or b for a, b in words])
+    return Finding("load", "error", file, line, f"JSBSim does not load it: {message}", "correct this line")
+
+
+def _mentions(files: Files, words: list[str]) -> tuple[str, int]:
+    """The first file and line with one of `words`, as an attribute or in a text; else the model's root."""
+    for word in words:
+        for file, tree in files.trees.items():
+            for e in tree.walk():
+                if word in e.attributes.values() or word in e.text.split():
+                    return file, e.line
+    return files.model, files.trees[files.model].line
+
+
+def _surfaces(files: Files, exists: Callable[[str], bool]) -> Iterator[Finding]:
+    """Surfaces of airframe.toml that the model does not have."""
+    toml, surfaces = files.folder / "airframe.toml", files.airframe.surfaces
+    for name, path in surfaces.items():
+        if not exists(path):
+            others = sorted(p for p in declared(files) - set(surfaces.values()) if "pos" in p and exists(p))
+            near = get_close_matches(path, others, 1, 0.5)
+            remedy = f"did you mean {near[0]}?" if near else "name the property of its position, in rad"
+            message = f"surfaces.{name}: the model has no property {path}"
+            yield Finding("surface", "error", toml.name, toml_line(toml, f"surfaces.{name}"), message, remedy)
 
 
 def _trims(files: Files) -> Iterator[Finding]:
     airframe, toml = files.airframe, files.folder / "airframe.toml"
     fdm = Fdm(airframe, 0.005, Origin())
-    speeds = {airframe.speeds.v_min_mps, airframe.speeds.v_max_mps, *airframe.speeds.trim_mps}
-    found: list[Trim] = []
-    for v in sorted({*speeds, airframe.speeds.start_mps}):
+    named = {f"trim_mps.{k}": v for k, v in enumerate(airframe.speeds.trim_mps)}
+    for name in ("v_min_mps", "start_mps", "v_max_mps"):
+        named[name] = getattr(airframe.speeds, name)
+    found: dict[float, Trim] = {}
+    failed: set[float] = set()
+    for name, v in named.items():
+        if v in found or v in failed:
+            continue
         try:
-            found.append(fdm.trim(Start(0.0, 0.0, 0.0, 0.0, v)))
+            found[v] = fdm.trim(Start(0.0, 0.0, 0.0, 0.0, v))
         except FdmError as error:
-            message = f"no level flight at {v:g} m/s: {str(error).split(';')[-1].strip()}"
-            remedy = "state only speeds that it can fly, or mend lift, thrust or elevator"
-            yield Finding("trim", "error", toml.name, toml_line(toml, "trim_mps"), message, remedy)
-    if len(found) > 1 and (found[0].elevator - found[-1].elevator) * (found[0].alpha - found[-1].alpha) >= 0:
-        message = "more angle of attack takes no more up elevator: it is not statically stable"
-        remedy = "check Cm_alpha, and that the centre of gravity is ahead of the neutral point"
-        yield Finding("sign", "warning", files.model, None, message, remedy)
+            failed.add(v)
+            message = f"no level flight at {v:g} m/s: {str(error).split(': ')[-1].strip()}"
+            remedy = "state only speeds that it can fly, or correct mass, lift, thrust or elevator"
+            yield Finding("trim", "error", toml.name, toml_line(toml, f"speeds.{name}"), message, remedy)
+    if len(found) > 1:
+        slow, fast = found[min(found)], found[max(found)]
+        if (slow.elevator - fast.elevator) * (slow.alpha - fast.alpha) >= 0:
+            message = "more angle of attack takes no more up elevator: it is not statically stable"
+            remedy = "check Cm_alpha, and that the centre of gravity is ahead of the neutral point"
+            line = Bench(files, fdm).line("aero/alpha-rad", axis="PITCH")
+            yield Finding("sign", "warning", files.model, line, message, remedy)
 
 
 def _flies(files: Files) -> Iterator[Finding]:
@@ -78,10 +135,21 @@ def _flies(files: Files) -> Iterator[Finding]:
     v = files.airframe.speeds.start_mps
     f = fly(files.airframe, v, (v, 0.0, 0.0), _FLOWN_S)
     worst = max(np.abs(f.v - v).max(), np.abs(f.zeta).max(), np.abs(f.omega).max())
-    if not worst < 0.5:
+    if not worst < _HELD:
         system = next((name for name in files.trees if name.startswith("systems/")), files.model)
         message = f"under its autopilot it does not hold level flight at {v:g} m/s for {_FLOWN_S:g} s"
-        yield Finding("flight", "error", system, 1, message, "see testbed aircraft describe for its loops")
+        remedy = f"fit its feed-forward (testbed aircraft trim {files.airframe.argument}), or lower its gains"
+        yield Finding("flight", "error", system, 1, message, remedy)
+
+
+def _derived(files: Files) -> Iterator[Finding]:
+    """Whether identified lags and fitted feed-forward are of this model and these gains."""
+    toml = files.folder / "airframe.toml"
+    stale = {"fitted": stale_feedforward(files.airframe), "identified": stale_lags(files.airframe)}
+    for table, why in stale.items():
+        if why is not None:
+            message, _, remedy = why.partition("; ")
+            yield Finding("stale", "warning", toml.name, toml_line(toml, table), message, remedy)
 
 
 def main(folder: Path) -> None:
@@ -92,10 +160,28 @@ def main(folder: Path) -> None:
 
     files, _ = read_folder(folder)
     if files is not None:
-        for found in findings(files, lambda stage: say(stage=stage)):
-            say(finding=asdict(found))
+        reached = [""]
+
+        def stage(what: str) -> None:
+            reached[0] = what
+            say(stage=what)
+
+        try:
+            for found in findings(files, stage):
+                say(finding=asdict(found))
+        except Exception as error:
+            say(finding=asdict(_unforeseen(files, reached[0], error)))
     say(stage="done")
     os._exit(0)
+
+
+def _unforeseen(files: Files, stage: str, error: Exception) -> Finding:
+    """An exception, as what it is."""
+    said = " ".join(str(error).replace(f"{files.folder}/", "").split())
+    kind = "" if isinstance(error, FdmError) else f"{type(error).__name__}: "
+    line = files.trees[files.model].line
+    remedy = "correct what it names; if it names nothing, take parts off the model until it is gone"
+    return Finding("flight", "error", files.model, line, f"failed while {stage}: {kind}{said}", remedy)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import numpy as np
 
 from aircraft.airframes.files import Finding, toml_line
 from aircraft.check.bench import Bench
-from aircraft.datasheets.datasheet import geometry
+from aircraft.datasheets.datasheet import measured
 
 # Thresholds of the plausible. Ours are far inside: yaw from aileron 0.03 (X8) and 0.23 (Rascal) of its roll.
 _YAW_SHARE = 0.5
@@ -24,12 +24,13 @@ def _mass(b: Bench) -> Iterator[Finding]:
     stated = b.files.airframe.stated
     if not stated:
         return
-    loaded = geometry(b.files.airframe)
+    b.at()
+    loaded = measured(b.fdm)
     toml = b.files.folder / "airframe.toml"
     for name, value in stated.items():
         if name not in loaded:
             message, remedy = f"stated.{name} is not checked", f"known are {', '.join(loaded)}"
-            yield Finding("stated", "error", toml.name, toml_line(toml, name), message, remedy)
+            yield Finding("stated", "error", toml.name, toml_line(toml, f"stated.{name}"), message, remedy)
         elif abs(loaded[name] - value) > _STATED * abs(value) + 1e-9:
             part = {"jxz_kgm2": "ixz", "jx_kgm2": "ixx", "jy_kgm2": "iyy", "jz_kgm2": "izz"}.get(name, "")
             message = f"{name} is {loaded[name]:.4g} as JSBSim loads it, airframe.toml states {value:.4g}"

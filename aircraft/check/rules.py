@@ -8,11 +8,10 @@ from difflib import get_close_matches
 import numpy as np
 
 from aircraft.airframes.files import Files, Finding, toml_line
-from aircraft.airframes.provenance import stale_feedforward, stale_lags
 from aircraft.airframes.references import declared
 from aircraft.airframes.schema import property_name
 from aircraft.autopilots.equations import MADE_BY, autopilot, system_xml
-from aircraft.autopilots.gains import gain_faults
+from aircraft.autopilots.gains import gain_faults, needed_gains
 from aircraft.check.spelling import ENGINE, MODEL
 from aircraft.jsbsim.properties import NODES, TELEMETRY
 
@@ -57,11 +56,17 @@ def _engine(files: Files) -> list[Finding]:
 _UNITS = {"SLUG*FT2": 1.0, "KG*M2": 0.7375621492772656, "LBS*FT2": 1 / 32.17404855643045}
 
 
+_INERTIA = {"ixx", "iyy", "izz", "ixy", "ixz", "iyz", "emptywt"}
+
+
 def _inertia(files: Files) -> list[Finding]:
     mass = files.trees[files.model].first("mass_balance")
     if mass is None:
         line = files.trees[files.model].line
         return [Finding("inertia", "error", files.model, line, "no <mass_balance>", "add it")]
+    if wrong := [e for e in mass.children if e.name in _INERTIA and e.number() is None]:
+        message = f"<{wrong[0].name}> is no number: {wrong[0].text}"
+        return [Finding("inertia", "error", files.model, wrong[0].line, message, "write a number")]
     terms = {
         e.name: (e.number() or 0.0) * _UNITS.get(e.attributes.get("unit", "SLUG*FT2"), 1.0)
         for e in mass.children
@@ -117,33 +122,43 @@ def _duplicates(files: Files) -> list[Finding]:
 
 
 def _autopilot(files: Files) -> list[Finding]:
-    """The properties that the testbed commands, reads and settles, and a home for every gain."""
+    """The properties that the testbed commands, reads and settles, and a property for every gain."""
     have, findings = declared(files), []
-    system = next((f for f in files.trees if f.startswith("systems/")), files.model)
-    line = files.trees[system].line
     wanted = {p for p in NODES.values() if p.startswith("ap/")}
     wanted |= {p for p, _, _ in TELEMETRY.values() if p.startswith("ap/")}
+    if not wanted & have:
+        return [_no_autopilot(files)]
+    system = next((f for f in files.trees if f.startswith("systems/")), files.model)
+    line = files.trees[system].line
     if missing := sorted(wanted - have):
         message = f"the autopilot has no {', '.join(missing)}"
-        remedy = "run: testbed aircraft autopilot FOLDER"
-        findings.append(Finding("autopilot", "error", system, line, message, remedy))
+        findings.append(Finding("autopilot", "error", system, line, message, _compile(files)))
     toml = files.folder / "airframe.toml"
+    needed = needed_gains(files.airframe)  # of the others, the rule of gains speaks
     for section, names in files.airframe.gains.items():
         for name in names:
-            if property_name(f"{section}_{name}") not in have:
+            if property_name(f"{section}_{name}") not in have and f"{section}_{name}" in needed:
                 message = f"gain {section}.{name}: the autopilot has no {property_name(f'{section}_{name}')}"
-                remedy = "correct its name, or run: python -m aircraft.autopilots.equations FOLDER"
-                findings.append(
-                    Finding("autopilot", "error", toml.name, toml_line(toml, name), message, remedy)
-                )
+                where = toml_line(toml, f"gains.{section}.{name}")
+                findings.append(Finding("autopilot", "error", toml.name, where, message, _compile(files)))
     return findings
+
+
+def _no_autopilot(files: Files) -> Finding:
+    """For a model that names no autopilot: where and how to name it."""
+    root = files.trees[files.model]
+    where = root.first("flight_control") or root
+    remedy = 'add <system file="autopilot"/> to <fdm_config>'
+    if not (files.folder / "systems" / "autopilot.xml").is_file():
+        remedy = f"{_compile(files)}; then {remedy}"
+    return Finding("autopilot", "error", files.model, where.line, "the model names no autopilot", remedy)
 
 
 def _gains(files: Files) -> list[Finding]:
     toml = files.folder / "airframe.toml"
     return [
-        Finding("gains", "error", toml.name, toml_line(toml, fault.split(":")[0]), fault, "correct [gains]")
-        for fault in gain_faults(files.airframe)
+        Finding("gains", "error", toml.name, toml_line(toml, f"gains.{f.gain}"), str(f), f.remedy)
+        for f in gain_faults(files.airframe)
     ]
 
 
@@ -169,18 +184,6 @@ def _compile(files: Files) -> str:
     return f"run: testbed aircraft autopilot {files.airframe.argument}"
 
 
-def _derived(files: Files) -> list[Finding]:
-    """Whether identified lags and fitted feed-forward are of this model and these gains."""
-    toml = files.folder / "airframe.toml"
-    stale = {"identified": stale_lags(files.airframe), "fitted": stale_feedforward(files.airframe)}
-    findings = []
-    for table, why in stale.items():
-        if why is not None:
-            message, _, remedy = why.partition("; ")
-            findings.append(Finding("stale", "warning", toml.name, toml_line(toml, table), message, remedy))
-    return findings
-
-
 RULES: tuple[Callable[[Files], list[Finding]], ...] = (
     _root,
     _words,
@@ -191,5 +194,4 @@ RULES: tuple[Callable[[Files], list[Finding]], ...] = (
     _gains,
     _autopilot,
     _current,
-    _derived,
 )

@@ -1,4 +1,8 @@
-"""Names of elements that JSBSim 1.3 reads in a model and in a system; anything else is dropped or refused."""
+"""Names of elements that JSBSim 1.3 reads in models, systems and engines; it drops or refuses any other.
+
+From its sources (the names that it looks for) and from the aircraft, systems and engines that come with it,
+all of which a test reads.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +20,9 @@ buoyant_forces gas_cell ballonet dimensions contents overpressure valve_coeffici
 blower_input max_overpressure atmosphere aerodynamics axis function coefficient alphalimits
 hysteresis_limits aero_ref_pt_shift_x min max flight_control autopilot system channel property output input
 rate simulation massprops aerosurfaces rates velocities forces moments position fcs coefficients trim
+orient strut_force x_radius y_radius z_radius x_width y_width z_width licenseName licenseURL
+semimajor_axis semiminor_axis rotation_rate equatorial_radius polar_radius GM J2 pointing earth_position_angle
+planet_position_angle planet_rotation_rate
 """
 _COMPONENTS = """
 summer pure_gain scheduled_gain aerosurface_scale lag_filter lead_lag_filter washout_filter
@@ -39,9 +46,21 @@ MODEL = frozenset((_DOCUMENT + _COMPONENTS + _FUNCTIONS).split())
 _ENGINES = """
 electric_engine brushless_dc_motor piston_engine turbine_engine turboprop_engine rocket_engine direct
 propeller nozzle rotor power maximumtorque displacement maxhp cycles idlerpm maxrpm minrpm maxthrottle
-minthrottle sparkfaildrop volumetric-efficiency bsfc minmp maxmp milthrust maxthrust bypassratio tsfc atsfc
-idlen1 idlen2 maxn1 maxn2 augmented diameter numblades gearratio minpitch maxpitch constspeed reversepitch
-ct_factor cp_factor ixx area isp velocityconstant coilresistance noloadcurrent decay_factor maxvolts
-torqueconstant
+minthrottle sparkfaildrop volumetric-efficiency bsfc minmp maxmp milthrust maxthrust bypassratio tsfc
+atsfc idlen1 idlen2 maxn1 maxn2 augmented diameter numblades gearratio minpitch maxpitch constspeed
+reversepitch ct_factor cp_factor ixx area isp velocityconstant coilresistance noloadcurrent decay_factor
+maxvolts torqueconstant compression-ratio bore stroke cylinders cylinder-head-mass
+air-intake-impedance-factor ram-air-factor boost-loss-factor boostmanual boostoverride numboostspeeds
+takeoffboost ratedaltitude1 ratedaltitude2 ratedaltitude3 ratedboost1 ratedboost2 ratedboost3 ratedpower1
+ratedpower2 ratedpower3 ratedrpm1 ratedrpm2 ratedrpm3 peak-piston-speed static-fmep dynamic-fmep
+cooling-factor man-press-lag starter-rpm starter-torque static-friction design-oil-temp-degK
+oil-pressure-relief-valve-psi oil-pressure-rpm-max oil-viscosity-index augmethod bleed injected
+injection-time injection-N1-inc injection-N2-inc disable-windmill ignitionn1 ignitionn2 n1spinup
+n1spindown n2spinup n2spindown n1startrate n2startrate betarangeend idlefuelflow ielumaxtorque
+inertia_factor itt_delay maxpower maxstartingtime n1idle_max_delay psfc reversemaxpower startern1
+builduptime slfuelflowmax sloxiflowmax propflowmax mixtureratio thrust thrust_table total_isp variation pe
+expr nzl_eff diam cp_factor ct_factor ExternalRPM cantangle cgroundeffect controlmap flappingmoment
+groundeffectexp groundeffectshift hingeoffset inflowlag liftcurveslope massmoment nominalrpm polarmoment
+shafttilt tailrotor tiplossfactor twist xhub yhub zhub
 """
 ENGINE = MODEL | frozenset(_ENGINES.split())

@@ -146,6 +146,11 @@ def geometry(airframe: Airframe) -> dict[str, float]:
     """
     fdm = Fdm(airframe, 0.005, Origin())
     fdm.trim(Start(0.0, 0.0, 0.0, 0.0, airframe.speeds.start_mps))
+    return measured(fdm)
+
+
+def measured(fdm: Fdm) -> dict[str, float]:
+    """`geometry` of an aircraft that is initialised, whether it can fly or not."""
     inertia = KG_PER_SLUG * M_PER_FT**2
     area, span = fdm.read("metrics/Sw-sqft") * M_PER_FT**2, fdm.read("metrics/bw-ft") * M_PER_FT
     mass = fdm.read("inertia/mass-slugs") * KG_PER_SLUG

@@ -7,7 +7,12 @@ from aircraft.airframes.schema import Airframe
 
 
 class FdmError(RuntimeError):
-    """JSBSim could not load, start or fly an airframe."""
+    """JSBSim could not load, start or fly an airframe; where in which file, if JSBSim says so."""
+
+    def __init__(self, message: str, file: str | None = None, line: int | None = None) -> None:
+        super().__init__(message)
+        self.file = file
+        self.line = line
 
 
 class UnresolvedError(FdmError):
@@ -15,5 +20,6 @@ class UnresolvedError(FdmError):
 
     def __init__(self, airframe: Airframe, findings: list[Finding]) -> None:
         first = findings[0]
-        super().__init__(f"{airframe.folder / first.file}:{first.line}: {first.message}; {first.remedy}")
+        where = f"{airframe.folder / first.file}:{first.line}"
+        super().__init__(f"{where}: {first.message}; {first.remedy}", first.file, first.line)
         self.findings = findings

@@ -39,8 +39,12 @@ class Fdm:
         self._integrator = 0.0  # the one to return to after the first period
         self.executive = loading.load(airframe, dt)  # JSBSim itself
         n = self.nodes = {name: self.node(path) for name, path in NODES.items()}
-        surfaces = {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
-        telemetry = TELEMETRY | surfaces
+        manager = self.executive.get_property_manager()
+        for name, path in airframe.surfaces.items():
+            if manager.get_node(path) is None:
+                toml = str(airframe.folder / "airframe.toml")
+                raise FdmError(f"{toml}: surfaces.{name}: the model has no property {path}", toml)
+        telemetry = TELEMETRY | {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
         self.channels = tuple(telemetry)
         self._readings = tuple(self.node(path).get_double_value for path, _, _ in telemetry.values())
         self.units = np.array([[k, offset] for _, k, offset in telemetry.values()])

@@ -29,6 +29,7 @@ class _Quiet(jsbsim.FGLogger):
     def __init__(self) -> None:
         super().__init__()
         self.errors: list[str] = []
+        self.place: tuple[str, int] | None = None  # file and line of the last message that has them
         self._level = jsbsim.LogLevel.INFO
 
     def set_level(self, level: jsbsim.LogLevel) -> None:
@@ -38,7 +39,8 @@ class _Quiet(jsbsim.FGLogger):
         if self._level.value >= jsbsim.LogLevel.ERROR.value:
             self.errors.append(message.strip())
 
-    def file_location(self, filename: str, line: int) -> None: ...
+    def file_location(self, filename: str, line: int) -> None:
+        self.place = filename, line
 
     def format(self, format: jsbsim.LogFormat) -> None: ...
 
@@ -64,7 +66,10 @@ def load(airframe: Airframe, dt: float) -> Executive:
         )
     except RuntimeError as e:
         keep_for_ever(executive)
-        raise FdmError(f"{where}: {e} {' '.join(log.errors)}") from None
+        messages = [str(e).strip(), *(said for said in log.errors if said != str(e).strip())]
+        file, line = log.place or (None, None)
+        at = f"{file}:{line}" if file else f"{where}"
+        raise FdmError(f"{at}: {' '.join(' '.join(messages).split())}", file, line) from None
     if not loaded:
         keep_for_ever(executive)
         raise FdmError(f"{where} or a file that it names is missing: {' '.join(log.errors)}")
@@ -90,6 +95,7 @@ def _logger() -> _Quiet:
             keep_for_ever(thing)
         jsbsim.set_logger(log)
     log.errors.clear()
+    log.place = None
     found: _Quiet = log
     return found
 

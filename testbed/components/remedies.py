@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from aircraft.airframes.provenance import stale_lags
 from aircraft.airframes.schema import Airframe, Channel
 from aircraft.kinematic import Lag
 from filters.barriers.pairs import Barrier
@@ -120,6 +119,8 @@ def identified_lags(airframe: Airframe, limits: bool = True) -> tuple[Lag, Lag, 
             f"lags: airframe {airframe.name} has no identified channels; run: testbed aircraft identify"
             f' {airframe.argument}; or set lags.source = "table"'
         )
+    from aircraft.autopilots.freshness import stale_lags
+
     if (why := stale_lags(airframe)) is not None:
         raise UserError(f'lags: airframe {airframe.name}: {why}; or set lags.source = "table"')
 
