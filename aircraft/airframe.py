@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from aircraft.airframes.safety import vet
-from aircraft.airframes.schema import AIRFRAMES, NAME, Airframe, folder_of, read_airframe
+from aircraft.airframes.schema import AIRFRAMES, NAME, Airframe, folder_of, names, read_airframe
 from aircraft.autopilots import gains
 
 
@@ -28,13 +28,14 @@ def load(name_or_folder: str | Path) -> Airframe:
 
 
 def load_gains(path: Path, airframe: Airframe | None = None) -> Airframe:
-    """The airframe that a gains file stands for: its base with the gains of the file.
+    """The airframe that a gains file stands for: its base, found beside the file, with the gains of the file.
 
     airframe  the base, in place of the one the file names; the names must agree
     Raises    FileNotFoundError, or ValueError naming the file and what is wrong with it
     """
     file = gains.read(path)
-    base = load(file.base)
+    beside = path.parent / file.base
+    base = load(beside if file.base not in names() and beside.exists() else file.base)
     if airframe is not None and airframe.name != base.name:
         raise ValueError(f"{path}: gains of {file.base}, not of {airframe.name}")
     return gains.on_top_of(airframe or base, file)

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from testbed.errors import check_packages
+
 if TYPE_CHECKING:
     from testbed.components.components import Parts as Parts
     from testbed.errors import UserError as UserError
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from testbed.simulation.session import assemble as assemble
     from testbed.simulation.simulate import run as run
     from testbed.studies.comparison.comparison import compare as compare
+
+check_packages("filters", "aircraft")
 
 # Loaded when first asked for, so that the command line answers at once.
 _HOMES = {

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from types import TracebackType
 
 # Of what a file says a message quotes a little; longer ones are cut.
 LONGEST_MESSAGE = 2000
@@ -90,3 +94,44 @@ def nearest(name: str, known: Iterable[str]) -> str:
     more = len(known) - LISTED
     between = "; " if any("," in name for name in known) else ", "
     return "known: " + between.join(known[:LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+class ClashError(ImportError):
+    """A package of somebody else has the name of one of ours. Not caught, it ends the program in one line."""
+
+
+def check_packages(*names: str) -> None:
+    """ClashError unless the packages of these names are those that stand beside this one."""
+    root = Path(__file__).resolve().parents[1]
+    for name in names:
+        found = _package(name)
+        if found is not None and not found.is_relative_to(root / name):
+            sys.excepthook = _one_line(sys.excepthook)
+            raise ClashError(
+                f"{found} is found before the package {name!r} that testbed needs, in {root};"
+                " rename yours, or start Python where it is not found first"
+            )
+
+
+def _package(name: str) -> Path | None:
+    """Where a package was imported from, or would be; None if that is not known."""
+    if name in sys.modules:
+        file = getattr(sys.modules[name], "__file__", None)
+    else:
+        spec = find_spec(name)
+        folders = list(spec.submodule_search_locations or []) if spec else []
+        file = (spec.origin if spec else None) or next(iter(folders), None)
+    return Path(file).resolve() if file else None
+
+
+Hook = Callable[[type[BaseException], BaseException, TracebackType | None], object]
+
+
+def _one_line(usual: Hook) -> Hook:
+    def say(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if isinstance(error, ClashError):
+            print(f"error: {error}", file=sys.stderr)
+        else:
+            usual(kind, error, trace)
+
+    return say

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.components import catalogue
+from testbed.scenario.location import identity, path_of
 from testbed.scenario.scenario import Scenario, parse
 
 ROOT = Path(__file__).parent.parent.parent
@@ -71,14 +72,17 @@ class AirframeHashes:
         return self.known[key]
 
 
-def changed_airframes(recorded: Mapping[str, dict[str, str]]) -> list[str]:
-    """Names of airframes whose files or gains are no longer those of `AirframeHashes.known`, or are gone."""
+def changed_airframes(recorded: Mapping[str, dict[str, str]], folder: str = "") -> list[str]:
+    """Names of airframes whose files or gains are no longer those of `AirframeHashes.known`, or are gone.
+
+    folder  where relative airframes start
+    """
     from aircraft.airframe import load
 
     now: dict[str, str] = {}
     for source in {source for key in recorded for source in json.loads(key)[4:]}:
         with suppress(OSError, ValueError):
-            airframe = load(source)
+            airframe = load(path_of(source, folder))
             now[airframe.name] = airframe.fingerprint()
     then = {name: sha for hashes in recorded.values() for name, sha in hashes.items()}
     return sorted(name for name, sha in then.items() if now.get(name) != sha)
@@ -99,7 +103,7 @@ class RunIds:
         """The name of a scenario (as JSON) under `seed`. Raises UserError for an airframe not there."""
         if data not in self._known:
             s = parse(json.loads(data))
-            self._known[data] = (s.model_dump(mode="json"), self._hashes.of(s))
+            self._known[data] = (identity(s.model_dump(mode="json")), self._hashes.of(s))
         content, hashes = self._known[data]
         return content_id([content | {"seed": seed}, self._code, hashes])
 

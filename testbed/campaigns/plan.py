@@ -15,6 +15,7 @@ from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
 from testbed.errors import UserError, nearest, short
 from testbed.scenario import scenario
+from testbed.scenario.location import identity, placed
 from testbed.scenario.overrides import assign
 from testbed.scenario.scenario import Scenario, field_path
 from testbed.scenario.variants import Variants
@@ -82,12 +83,14 @@ def base(campaign: Campaign, folder: Path) -> Scenario:
     source = campaign.scenario
     if Path(source).suffix == ".toml":
         source = str(folder / source)
-    data = scenario.parse(scenario.tables(scenario.read(source), source), source, keep_idle=True).model_dump(
-        mode="json"
-    )
+    said = scenario.tables(scenario.read(source), source)
+    file = scenario.parse(placed(said, *scenario.homes(source)), source, keep_idle=True)
+    data = file.model_dump(mode="json")
     asked = [_path(name, "set") for name in campaign.set]
     for path, value in zip(asked, campaign.set.values(), strict=True):
         assign(data, path, value)
+    if ("airframes",) in asked:
+        data = placed(data | {"airframes_folder": ""}, folder, Path())
     # What has an effect in no cell is refused when all are known.
     data = scenario.without_foreign(data, asked)[0]
     return scenario.parse(data, "set" if campaign.set else source, keep_idle=True)
@@ -127,7 +130,7 @@ def expand(
             if seed == seeds[0] or draws:
                 where = _said(parameters | ({"seed": seed} if draws else {}), campaign.name)
                 s = variants.add(_with(data, draws, seed), where)
-                content, own = s.model_dump(mode="json"), hashes.of(s)
+                content, own = identity(s.model_dump(mode="json")), hashes.of(s)
             run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own])
             runs.append(Planned(run, number, seed, draws))
     variants.refuse(campaign.name)

@@ -23,6 +23,7 @@ from testbed.components.catalogue import versions
 from testbed.errors import UserError
 from testbed.records.store import write_json
 from testbed.scenario import scenario
+from testbed.scenario.location import moved, placed
 
 
 def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
@@ -43,7 +44,7 @@ def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
             raise UserError(f"{out} belongs to another campaign, {other}; give another --out, or --overwrite")
         with folder.locked(out):
             pass
-    folder.create(out, _manifest(plan), overwrite)
+    folder.create(out, _manifest(plan, out), overwrite)
     return plan
 
 
@@ -57,9 +58,9 @@ def reopen(out: Path, to_fly: bool = True) -> Plan:
     if found.get("schema_version") != SCHEMA_VERSION:
         raise UserError(f"{out} has schema version {found.get('schema_version')}, not {SCHEMA_VERSION}")
     campaign = file.parse(found["campaign"], str(out / folder.MANIFEST))
-    start = scenario.parse(found["base"], str(out / folder.MANIFEST), keep_idle=True)
+    start = scenario.parse(placed(found["base"], out), str(out / folder.MANIFEST), keep_idle=True)
     recorded = found.get("airframes")
-    if to_fly and recorded is not None and (changed := changed_airframes(recorded)):
+    if to_fly and recorded is not None and (changed := changed_airframes(recorded, start.airframes_folder)):
         raise UserError(
             f"{out} was begun with other files or gains of airframe {', '.join(changed)}; restore them, or"
             " run the campaign again into another folder; campaign status and report read it as it is"
@@ -144,7 +145,7 @@ def _sweep(out: Path) -> None:
         shutil.rmtree(partial, ignore_errors=True) if partial.is_dir() else partial.unlink()
 
 
-def _manifest(plan: Plan) -> dict[str, Any]:
+def _manifest(plan: Plan, out: Path) -> dict[str, Any]:
     return {
         "schema_version": SCHEMA_VERSION,
         "name": plan.campaign.name,
@@ -153,6 +154,6 @@ def _manifest(plan: Plan) -> dict[str, Any]:
         "versions": versions(),
         "runs": len(plan.runs),
         "campaign": plan.campaign.model_dump(mode="json"),
-        "base": plan.base.model_dump(mode="json"),
+        "base": moved(plan.base.model_dump(mode="json"), out),
         "airframes": plan.airframes,
     }

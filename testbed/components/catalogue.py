@@ -29,6 +29,7 @@ from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario import barrier as scenario_barrier
 from testbed.scenario import control
+from testbed.scenario.location import path_of
 from testbed.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -238,7 +239,7 @@ def airframes(s: Scenario) -> list[Any]:
     from aircraft.airframe import load
 
     try:
-        known = {name: load(name) for name in sorted(set(s.airframes))}
+        known = {name: load(path_of(name, s.airframes_folder)) for name in sorted(set(s.airframes))}
     except (FileNotFoundError, ValueError) as error:
         raise UserError(f"airframes: {error}") from None
     # Tables, recordings and hashes tell airframes apart by name.

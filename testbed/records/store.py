@@ -23,6 +23,7 @@ from testbed.records.checksums import plain, read_json, seal, sealed, sha256
 from testbed.records.locking import PathLock
 from testbed.records.run import Columns, Run
 from testbed.records.verdict import Verdict
+from testbed.scenario.location import moved
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -167,7 +168,7 @@ class RunWriter:
         write_json(self.folder / TIMING, sealed(run.timing))
         files = [f"{table}.parquet" for table in self._writers] + [GUARANTEES]
         sums = {"files": {name: sha256(self.folder / name) for name in sorted(files)}}
-        write_json(self.folder / MANIFEST, sealed(run.manifest | sums))
+        write_json(self.folder / MANIFEST, sealed(_placed(run.manifest, self.folder) | sums))
 
 
 def check_free(path: Path, overwrite: bool) -> None:
@@ -184,6 +185,11 @@ def check_free(path: Path, overwrite: bool) -> None:
     if path.is_dir() and not any(path.iterdir()):
         return
     raise UserError(f"{path} exists and is not a run; it is left alone, give another --out")
+
+
+def _placed(manifest: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The manifest as `folder` has it: paths in its scenario start from there."""
+    return manifest | {"scenario": moved(manifest["scenario"], folder)}
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from testbed.errors import UserError, nearest
 from testbed.records.checksums import plain
 from testbed.regression.quantities import Quantity, quantities
+from testbed.scenario.location import moved, placed
 from testbed.scenario.scenario import Scenario, builtin, parse
 from testbed.scenario.variants import load_base
 from testbed.studies.common.measure import Fields, default_starts
@@ -138,14 +139,14 @@ def _again(name: str) -> str:
 def parse_file(path: Path) -> Baseline:
     """The file as it stands; its scenario may be another today."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8-sig"))
         version = data["schema_version"]
         if version != SCHEMA_VERSION:
             raise UserError(
                 f"{path} has schema version {version}, this program reads {SCHEMA_VERSION};"
                 f" {_again(path.stem)}"
             )
-        s = parse(data["scenario"]["flown"], str(path), keep_idle=True)
+        s = parse(placed(data["scenario"]["flown"], path.parent), str(path), keep_idle=True)
         seeds, blocks = data["seeds"]["in_a_block"], data["seeds"]["blocks"]
         names, rungs = [q.name for q in quantities(s)], data["rungs"]
         table = {rung: data["quantities"][rung] for rung in rungs}
@@ -176,7 +177,7 @@ def write(where: Path, b: Baseline) -> Path:
         "scenario": {
             "source": b.source,
             "set": b.overrides,
-            "flown": b.scenario.model_dump(mode="json"),
+            "flown": moved(b.scenario.model_dump(mode="json"), where),
         },
         "rungs": b.rungs,
         "seeds": {"in_a_block": b.seeds, "blocks": b.blocks},
@@ -218,7 +219,10 @@ def _text(value: Any, indent: str = "") -> str:
 
 def differences(recorded: Scenario, now: Scenario) -> list[str]:
     """Fields in which two scenarios differ, `path old -> new`; names and descriptions do not matter."""
-    a, b = (_leaves(s.model_dump(mode="json", exclude={"name", "description"})) for s in (recorded, now))
+    a, b = (
+        _leaves(s.model_dump(mode="json", exclude={"name", "description", "airframes_folder"}))
+        for s in (recorded, now)
+    )
     return [f"{path} {a.get(path)} -> {b.get(path)}" for path in a | b if a.get(path) != b.get(path)]
 
 

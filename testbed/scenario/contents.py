@@ -61,6 +61,9 @@ class Contents(Section):
     airframes: list[Annotated[str, Field(min_length=1, max_length=1000)]] = Field(
         default=["x8"], min_length=1, max_length=1000, description="names or folders, repeated in turn"
     )
+    airframes_folder: Annotated[str, Field(max_length=4000)] = Field(
+        default="", description="where relative airframes start; absent: the file's own folder"
+    )
     d_safe_m: Positive = Field(default=5.0, description="Ds, the separation to keep")
     goal_radius_m: Positive = Field(default=20.0, description="a goal counts as reached within it")
     rates: Rates = Rates()

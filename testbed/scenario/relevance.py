@@ -66,7 +66,7 @@ def _windy(s: Contents) -> bool:
 
 RULES = (
     Rule(
-        ("airframes",),
+        ("airframes", "airframes_folder"),
         _knows_airframes,
         "no airframe flies; plant = 'jsbsim' takes it, and plant = 'lagged' with lags.source = 'airframe'",
     ),

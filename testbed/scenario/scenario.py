@@ -24,6 +24,7 @@ from testbed.scenario.barrier import PairTurns
 from testbed.scenario.contents import KINDS, SCHEMA_VERSION, Contents
 from testbed.scenario.explain import explain
 from testbed.scenario.fields import Section
+from testbed.scenario.location import placed
 from testbed.scenario.overrides import assign, is_within, meanings, read_value, remove, resolve
 from testbed.scenario.relevance import idle
 from testbed.scenario.start import Places
@@ -90,6 +91,7 @@ def load(source: str | Path, overrides: Sequence[str] | None = None) -> Scenario
     file = tables(text, where)
     data = copy.deepcopy(file)
     asked = [override(data, item) for item in overrides or []]
+    data = placed(data, *homes(where, asked))
 
     def line(field: str) -> int | None:
         path = [int(part) if part.isdigit() else part for part in field.split(".")]
@@ -106,6 +108,15 @@ def load(source: str | Path, overrides: Sequence[str] | None = None) -> Scenario
     for path, why in dropped.items():
         warnings.warn(NoteWarning(f"{where}: {path} is left out: {why}"), stacklevel=2)
     return made
+
+
+def homes(source: str, asked: Sequence[tuple[str, ...]] = ()) -> list[Path]:
+    """Where relative airframes of a scenario start: beside its file first, or in the working directory.
+
+    asked  paths of overrides: what the command line says starts from the working directory
+    """
+    here, beside = Path(), [] if source in builtin() else [Path(source).parent]
+    return [here, *beside] if is_within("airframes", asked) else [*beside, here]
 
 
 def parse(data: dict[str, Any], where: str = "scenario", keep_idle: bool = False) -> Scenario:

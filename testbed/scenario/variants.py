@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from testbed.errors import Mistake, UserError
+from testbed.scenario.location import placed
 from testbed.scenario.overrides import assign
 from testbed.scenario.relevance import said
-from testbed.scenario.scenario import Scenario, override, parse, read, settled, tables, without_foreign
+from testbed.scenario.scenario import Scenario, homes, override, parse, read, settled, tables, without_foreign
 
 # What the ladder and other studies choose among.
 EVERY_PLANT = ("unicycle", "lagged", "jsbsim")
@@ -56,6 +57,7 @@ def load_each(
     where, made = str(source), Variants()
     data = tables(read(where), where)
     asked = [override(data, item) for item in overrides or []]
+    data = placed(data, *homes(where, asked))
     parse(without_foreign(data, asked)[0] | {"plant": "unicycle"}, where, keep_idle=True)
     each = {plant: made.add(data | {"plant": plant}, where) for plant in plants}
     made.refuse(where)
@@ -68,6 +70,6 @@ def load_base(
     """A scenario that `changed` takes to other plants: each of its fields has an effect on one of them."""
     load_each(source, overrides, plants)
     data = tables(read(str(source)), str(source))
-    for item in overrides or []:
-        override(data, item)
+    asked = [override(data, item) for item in overrides or []]
+    data = placed(data, *homes(str(source), asked))
     return parse(data, str(source), keep_idle=True)

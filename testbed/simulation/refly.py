@@ -18,6 +18,7 @@ import numpy as np
 from testbed.components import catalogue
 from testbed.errors import UserError
 from testbed.records.checksums import sha256
+from testbed.scenario.location import identity, placed
 from testbed.scenario.scenario import parse
 from testbed.simulation.simulate import Progress, run
 from testbed.verification.finding import Finding
@@ -37,7 +38,7 @@ def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
     if parts := manifest.get("parts"):
         words = ", ".join(f"{what} {origin['name']}" for what, origin in sorted(parts.items()))
         return [Finding("flown again", "a run", "not flown", None, None, f"it had parts of its own: {words}")]
-    s = parse(manifest["scenario"], f"{folder / 'manifest.json'}: scenario", keep_idle=True)
+    s = parse(placed(manifest["scenario"], folder), f"{folder / 'manifest.json'}: scenario", keep_idle=True)
     try:
         found = list(_airframes(manifest, catalogue.airframe_hashes(s)))
     except UserError as error:
@@ -88,6 +89,7 @@ def _compared(old: Path, new: Path, manifest: dict[str, Any]) -> Iterator[Findin
             f"again: {name}", _word(said.get(name)), _word(flown.get(name)), False, None, "flown otherwise"
         )
     fresh = json.loads((new / "manifest.json").read_text(encoding="utf-8"))
+    manifest, fresh = (m | {"scenario": identity(m["scenario"])} for m in (manifest, fresh))
     odd = [k for k in sorted({*manifest, *fresh} - PASSING) if manifest.get(k) != fresh.get(k)]
     yield Finding("again: manifest", "as written", ", ".join(odd) or "as written", not odd)
 

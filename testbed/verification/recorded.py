@@ -130,6 +130,8 @@ def read(folder: Path) -> Recorded:
     changed += [name for name in [*tables, "guarantees.json"] if name not in manifest.get("files", {})]
     if manifest.get("sha256") != _seal(manifest):
         changed.append("manifest.json")
+    if s.get("airframes_folder"):  # said from the run's folder
+        s = s | {"airframes_folder": str(folder / s["airframes_folder"])}
     return Recorded(manifest, s, ended, entries, t, vehicles, pairs, i, j, changed)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from testbed.records.run import Run
 from testbed.records.store import staged, write_json
+from testbed.scenario.location import moved, placed
 from testbed.scenario.scenario import Scenario, load, parse
 from testbed.simulation.simulate import run as fly
 from testbed.studies.common.found import Found
@@ -29,7 +30,7 @@ def write(result: Falsified, out: Path, overwrite: bool) -> Found:
     shown = result.shrunk or result.least
     s = described(result, shown)
     with staged(out, overwrite) as folder:
-        (folder / FILE).write_text(text(s, heading(result, shown, out)), encoding="utf-8")
+        (folder / FILE).write_text(text(s, heading(result, shown, out), folder), encoding="utf-8")
         again = fly(load(folder / FILE))
         entry = again.guarantee(result.guarantee)
         if entry["value"] != shown.value:
@@ -59,13 +60,13 @@ def described(result: Falsified, shown: Flight) -> Scenario:
     )
 
 
-def text(s: Scenario, heading: str) -> str:
-    """`s` as a scenario file, defaults left out; RuntimeError if it does not read back as `s`."""
+def text(s: Scenario, heading: str, folder: Path) -> str:
+    """`s` as a scenario file in `folder`, defaults left out; RuntimeError if it does not read back as `s`."""
     import tomli_w
 
     written = "".join(f"# {line}\n" for line in heading.splitlines())
-    written += tomli_w.dumps(s.model_dump(mode="json", exclude_defaults=True))
-    if parse(tomllib.loads(written)) != s:
+    written += tomli_w.dumps(moved(s.model_dump(mode="json", exclude_defaults=True), folder))
+    if parse(placed(tomllib.loads(written), folder)) != s:
         raise RuntimeError("the scenario file written does not read back as the scenario")
     return written
 

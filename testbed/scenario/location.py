@@ -1,0 +1,60 @@
+"""Finds airframes that a scenario names by a relative path: beside its file, whatever the working directory.
+
+The path stays in `airframes` as it was written; `airframes_folder` says where it starts. That folder is no
+part of what a run is: names of runs leave it out, and a run folder has it relative to itself.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+FIELD = "airframes_folder"
+
+
+def placed(data: Mapping[str, Any], *homes: Path) -> dict[str, Any]:
+    """Plain data whose relative airframes start from the first of `homes` that has one of them."""
+    made, said = dict(data), data.get(FIELD)
+    if isinstance(said, str) and said:
+        made[FIELD] = (homes[0].absolute() / said).resolve().as_posix()
+        return made
+    names = list(relative(data.get("airframes", [])))
+    for home in homes:
+        if any((home / name).exists() for name in names):
+            made[FIELD] = home.resolve().as_posix()
+            return made
+    return made
+
+
+def relative(airframes: Any) -> Iterable[str]:
+    """The airframes that are relative paths: neither names of the package's nor absolute."""
+    from aircraft.airframes.schema import names
+
+    listed = airframes if isinstance(airframes, list) else []
+    known = names() if listed else []
+    yield from (a for a in listed if isinstance(a, str) and a not in known and not Path(a).is_absolute())
+
+
+def path_of(airframe: str, folder: str) -> str:
+    """The path, or the name, by which an airframe of a scenario is loaded."""
+    if folder and airframe in relative([airframe]) and (Path(folder) / airframe).exists():
+        return str(Path(folder) / airframe)
+    return airframe
+
+
+def moved(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Plain data as a file in `folder` says it: its airframes' folder relative to that, where it can be."""
+    if not data.get(FIELD):
+        return dict(data)
+    try:
+        there = os.path.relpath(data[FIELD], folder.resolve())
+    except ValueError:  # on another drive
+        return dict(data)
+    return dict(data) | {FIELD: Path(there).as_posix()}
+
+
+def identity(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain data without what does not change a run: where its airframes lie. Their files are hashed."""
+    return {name: value for name, value in data.items() if name != FIELD}
