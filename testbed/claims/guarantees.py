@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.claims import registry
+from testbed.claims import own_filter, registry
 from testbed.claims.judging import at_pair, decide, premise_not_met
 from testbed.claims.registry import Claim
 from testbed.measures.run_statistics import RunStatistics
@@ -104,6 +104,8 @@ def _admissible(f: Flown, v: Verdict) -> Verdict:
 
 
 def _feasibility(f: Flown, v: Verdict) -> Verdict:
+    if f.statistics.foreign:
+        return own_filter.feasibility(f.statistics, v, f.end)
     if f.scenario.filter.kind not in QP_FILTERS or f.statistics.without_qp:
         return v.but(why="the filter solves no QP")
     if not f.statistics.filter_steps:
@@ -138,6 +140,8 @@ def _limits(f: Flown, v: Verdict) -> Verdict:
 
 
 def _rows(f: Flown, v: Verdict) -> Verdict:
+    if f.statistics.foreign:
+        return own_filter.rows(f.statistics, v, f.end)
     if f.scenario.filter.kind not in QP_FILTERS or not f.i.size or f.statistics.without_qp:
         return v.but(why="no rows")
     v = at_pair(v, f.statistics.rows, f.i, f.j, 0.0)

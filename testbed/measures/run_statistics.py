@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from filters.barriers.pairs import all_pairs
 from filters.model import Array, Limits
 from filters.qp.single import Status
+from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.saturation import Saturation
 
@@ -61,6 +62,7 @@ class RunStatistics:
     admissible  the most that hdot + alpha(h) can be made by inputs in U, where h >= 0
     condition   hdot + alpha(h) along the motion that followed, over each filter period
     rows        L_g h u + alpha(h) of the filter's own rows under its commands, where its QPs were solved
+    true_rows   L_g h u + alpha(h) of the scenario's barrier at the true states, of a foreign filter
     gradient    |L_g h| at the boundary of the safe set
     kink        filter steps' worth of motion between the state and the barrier's kink, for binding pairs
 
@@ -74,17 +76,22 @@ class RunStatistics:
 
     saturation  surfaces and throttle at their stops
     near_misses where pairs came nearest, if that is wanted
+    foreign     whether the filter is a user's own
+    declared    the rows that such a filter declares; None if it declares none
     """
 
     vehicles: int
     saturation: Saturation = field(default_factory=Saturation)
     near_misses: NearMisses | None = None
+    foreign: bool = False
+    declared: DeclaredRows | None = None
     separation: Extreme = field(init=False)
     between: Extreme = field(init=False)
     h: Extreme = field(init=False)
     admissible: Extreme = field(init=False)
     condition: Extreme = field(init=False)
     rows: Extreme = field(init=False)
+    true_rows: Extreme = field(init=False)
     gradient: Extreme = field(init=False)
     kink: Extreme = field(init=False)
     command_margin: Extreme = field(init=False)
@@ -104,8 +111,9 @@ class RunStatistics:
 
     def __post_init__(self) -> None:
         n, pairs = self.vehicles, self.vehicles * (self.vehicles - 1) // 2
-        for name in ("separation", "between", "h", "admissible", "condition", "rows", "gradient", "kink"):
+        for name in ("separation", "between", "h", "admissible", "condition", "gradient", "kink"):
             setattr(self, name, Extreme.of(pairs))
+        self.rows, self.true_rows = Extreme.of(pairs), Extreme.of(pairs)
         self.command_margin, self.goal = Extreme.of(n), Extreme.of(n)
         self.passed, self.path, self.altered = np.full(n, np.nan), np.zeros(n), np.zeros((n, 3))
         self.lowest, self.highest = np.full((n, 3), np.inf), np.full((n, 3), -np.inf)

@@ -44,10 +44,7 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
                 ),
             ],
         ),
-        Section("Playback", [Playback(playback.data(runs))]),
-        Section("Ledger: predicted against realised hdot", _ledger(runs, folder)),
-        Section("The paper's panels", [_panels(runs, folder)]),
-        Section("Tracking: commanded against achieved", _tracking(runs, folder)),
+        *_motion({label: run for label, run in runs.items() if len(run.vehicles)}, folder),
         Section("Settings and provenance", settings.of_runs(runs)),
     ]
     return Part(
@@ -59,6 +56,18 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
         facts=facts,
         sections=[s for s in sections if s.blocks],
     )
+
+
+def _motion(runs: Runs, folder: Path | None) -> list[Section]:
+    """The sections that show the motion of `runs`; none where every run ended before its first row."""
+    if not runs:
+        return []
+    return [
+        Section("Playback", [Playback(playback.data(runs))]),
+        Section("Ledger: predicted against realised hdot", _ledger(runs, folder)),
+        Section("The paper's panels", [_panels(runs, folder)]),
+        Section("Tracking: commanded against achieved", _tracking(runs, folder)),
+    ]
 
 
 def of_folder(folder: Path, title: str) -> Part:

@@ -11,8 +11,9 @@ from aircraft.airframes.schema import Airframe
 from aircraft.plant import Plant
 from aircraft.replay import Replay
 from filters.barriers.pairs import Barrier, all_pairs
+from filters.constraints import Constraints
 from filters.filter import Choose, declaration
-from filters.model import Array, Limits, State
+from filters.model import Array, Limits, State, View
 from testbed.claims.guarantees import H_TOLERANCE_M
 from testbed.components import catalogue
 from testbed.components.border.contract import Breach
@@ -84,6 +85,10 @@ class Assembled:
     def refused(self) -> Breach | None:
         """Why no plant can fly the last command of a user's filter; None if it can."""
         return self.filter.refused if isinstance(self.filter, OwnFilter) else None
+
+    def rows(self, view: View) -> tuple[Constraints, ...]:
+        """The rows that a user's filter declares for this view; none of other filters."""
+        return self.filter.rows(view) if isinstance(self.filter, OwnFilter) else ()
 
 
 def put_together(setting: Setting, parts: Parts, own: dict[str, Origin]) -> Assembled:

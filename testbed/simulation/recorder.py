@@ -87,6 +87,10 @@ class Recorder:
         if isinstance(self.barrier, TurnBarrier):
             statistics.phasor(s.t[new], self.barrier.phasor(State.of(s.truth[new])))
         statistics.rows.update(s.t[new], self._solved_rows(new))
+        if statistics.foreign:
+            u_i, u_j = (s.command[new][:, vehicle].transpose(2, 0, 1) for vehicle in (s.i, s.j))
+            hdot = (lie[0][:, new] * u_i + lie[1][:, new] * u_j).sum(axis=0)
+            statistics.true_rows.update(s.t[new], hdot + alpha_h[new])
         if s.count == 1:
             return
         realised = np.diff(h, axis=0) / self.dt

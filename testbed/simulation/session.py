@@ -12,8 +12,10 @@ from filters.filter import Decision
 from filters.model import Command
 from testbed.components import catalogue
 from testbed.components.border.contract import Breach
+from testbed.components.border.others import OwnFilter
 from testbed.components.components import Parts
 from testbed.components.provenance import Origin
+from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.saturation import Saturation
@@ -79,6 +81,9 @@ class Session:
         made = self._made
         near_misses = NearMisses(setting.i.size, s.d_safe_m) if made and made.replay else None
         self._statistics = RunStatistics(s.vehicles, Saturation(made.aircraft if made else ()), near_misses)
+        if made and isinstance(made.filter, OwnFilter):
+            self._statistics.foreign = True
+            self._statistics.declared = DeclaredRows(setting.limits) if made.filter.declares else None
         self._statistics.start(setting.start.position, setting.goal, s.goal_radius_m)
         self._memory = MemorySink() if self._sink is None else None
         self._rows = RowWriter(self._sink or self._memory)  # type: ignore[arg-type]
@@ -207,6 +212,9 @@ class Session:
                 decision = made.filter(now.view, wanted, self._setting.limits)
             else:
                 decision, self._unfiltered = _unfiltered(wanted), True
+            declared = self._statistics.declared
+            if declared is not None and filtered and not made.refused:
+                declared.update(now.t, made.rows(now.view), decision.command.array())
             # The step before, if recorded, needs to know what came of it.
             recorded, before = step % self.scenario.rates.record_steps == 0, self._recorded
             telemetry = made.plant.telemetry() if recorded or before else {}

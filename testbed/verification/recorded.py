@@ -158,7 +158,9 @@ def _table(folder: Path, name: str, size: int, keys: dict[str, Array]) -> dict[s
         table = parquet.ParquetFile(folder / f"{name}.parquet").read()
     except (OSError, pyarrow.ArrowException) as error:
         raise UserError(f"{folder}: {name}.parquet cannot be read: {error}") from None
-    if not table.num_rows or table.num_rows % size:
+    if not table.num_rows:
+        raise UserError(f"{folder}: {name}.parquet has no rows, so there is nothing to verify")
+    if table.num_rows % size:
         raise UserError(f"{folder}: {name}.parquet has {table.num_rows} rows, not a multiple of {size}")
     columns = {c: table[c].to_numpy(zero_copy_only=False).reshape(-1, size) for c in table.column_names}
     for key, wanted in keys.items():

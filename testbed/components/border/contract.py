@@ -114,17 +114,19 @@ class Contract:
         return self._numbers(what, value, shape, "b").astype(bool)
 
     def _numbers(self, what: str, value: Any, shape: tuple[int, ...], kinds: str) -> NDArray[Any]:
-        if type(value) is not np.ndarray:
+        found = value
+        if type(found) is not np.ndarray:
             try:
-                value = np.array(value, subok=False)
+                found = np.array(value, subok=False)
             except (Exception, SystemExit):
                 raise self.breach(f"{what} is {_a(value)}, not an array of shape {shape}") from None
-        if value.dtype.kind not in kinds:
+        if found.dtype.kind not in kinds:
             kind = {"b": "truth values", "iu": "whole numbers"}.get(kinds, "real numbers")
-            raise self.breach(f"{what} is {_a(value)} of dtype {value.dtype}, not of {kind}")
-        if value.shape != shape:
-            raise self.breach(f"{what} has shape {value.shape}, not {shape}")
-        return value  # type: ignore[no-any-return]
+            dtype = f" of dtype {found.dtype}" if found is value else ""
+            raise self.breach(f"{what} is {_a(value)}{dtype}, not an array of {kind}")
+        if found.shape != shape:
+            raise self.breach(f"{what} has shape {found.shape}, not {shape}")
+        return found  # type: ignore[no-any-return]
 
     def fields(
         self, what: str, value: Any, kind: type[Any], names: tuple[str, ...], shape: tuple[int, ...]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from filters.barriers.pairs import PairValues, all_pairs
+from filters.constraints import Constraints
 from filters.filter import Decision, Declaration, declaration
 from filters.model import Array, Command, Limits, State, View
 from filters.qp.single import Status
@@ -28,7 +29,7 @@ class OwnFilter:
     """A Filter over a user's.
 
     A command that is not finite is passed on as NaN, since it violates the limits: the judge counts it, and
-    `refused` says why no plant can fly it. Of its declaration only the constraints count.
+    `refused` says why no plant can fly it. Of what it declares only the constraints count, see `rows`.
     """
 
     refused: Breach | None = None
@@ -40,7 +41,12 @@ class OwnFilter:
         self._limits = copy_of_limits(limits)
         self._i, self._j = all_pairs(contract.vehicles)
         found = contract.call("declaration", declaration, choose)
-        self.declaration = Declaration(constraints=found.constraints, solves_qp=bool(found.solves_qp))
+        self._rows = found.constraints
+        self.declares = found.constraints is not None
+        if self.declares and not callable(found.constraints):
+            kind = type(found.constraints).__name__
+            raise contract.breach(f"its declared constraints are a {kind}, which cannot be called")
+        self.declaration = Declaration(solves_qp=bool(found.solves_qp))
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
         """As `Filter.__call__`."""
@@ -66,6 +72,29 @@ class OwnFilter:
             contract.array("deviation", d.deviation, n),
             *self._pairs(d),
         )
+
+    def rows(self, view: View) -> tuple[Constraints, ...]:
+        """The rows that it declares for this view."""
+        contract = self._contract
+        found = contract.call("constraints()", self._rows, copy_of_view(view))
+        if not isinstance(found, tuple | list) or not all(isinstance(b, Constraints) for b in found):
+            raise contract.breach("constraints() is not a tuple of filters.constraints.Constraints")
+        return tuple(self._block(block) for block in found)
+
+    def _block(self, block: Constraints) -> Constraints:
+        contract, n = self._contract, self._contract.vehicles
+        try:
+            count = len(block.h)
+            k = len(block.vehicles)
+            parts = list(zip(block.vehicles, block.lie, strict=True))
+        except Exception:
+            raise contract.breach("constraints() has a block without one lie per vehicle") from None
+        vehicles = tuple(contract.integers("vehicles of constraints()", v, (count,)) for v, _ in parts)
+        if not k or any(((v < 0) | (v >= n)).any() for v in vehicles):
+            raise contract.breach(f"constraints() has rows over vehicles that are not 0 to {n - 1}")
+        lie = tuple(contract.array("lie of constraints()", side, (count, 3)) for _, side in parts)
+        h = contract.array("h of constraints()", block.h, (count,))
+        return Constraints(vehicles, lie, h, contract.array("rhs of constraints()", block.rhs, (count,)))
 
     def _pairs(self, d: Decision) -> tuple[PairValues | None, Array]:
         contract, count = self._contract, len(self._i)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from filters.model import Array, Command, State
-from testbed.components.border.contract import Contract, copy_of, locked
+from testbed.components.border.contract import LARGEST, Contract, copy_of, locked
 from testbed.records.run import AIRCRAFT_COLUMNS, VEHICLE_COLUMNS, WIND_COLUMNS
 
 # What a state may differ from the end of the track, and the start from what was asked: round-off and a trim.
@@ -86,8 +86,9 @@ class OwnPlant:
         dt: Any = self._contract.call("its attribute dt", getattr, self._plant, "dt", None)
         if type(dt) is float and dt == self.dt:
             return
-        if not isinstance(dt, int | float | np.number) or not math.isclose(float(dt), self.dt, rel_tol=1e-9):
-            said = f"{dt:g} s" if isinstance(dt, int | float) and abs(dt) < 1e300 else f"{dt!r:.40}"
+        number = isinstance(dt, float | np.floating) or (type(dt) is int and abs(dt) < LARGEST)
+        if not number or not math.isclose(float(dt), self.dt, rel_tol=1e-9):
+            said = f"{float(dt):g} s" if number else f"a {type(dt).__name__}"
             raise self._contract.breach(f"its dt is {said}, the scenario's rates.fdm_dt_s is {self.dt:g} s")
 
     def state(self) -> State:
