@@ -9,12 +9,13 @@ import numpy as np
 from testbed.campaigns.distinct import distinct_results
 from testbed.campaigns.flight import FAILED, REFUSED
 from testbed.campaigns.progress import Progress
-from testbed.statistics import paired_verdicts, quantile, rate
+from testbed.statistics import Quantile, Rate, paired_verdicts, quantile, rate
 
 
 def summary(state: Progress) -> list[dict[str, Any]]:
-    """One row per cell: how many runs lost the guarantee, with the Clopper-Pearson interval; its least value,
-    5 % quantile (distribution-free interval) and median; the pairs of equal seeds against the first cell.
+    """Per cell: how many runs there are and how many of them differ; how many lost the guarantee, with the
+    Clopper-Pearson interval; its least value, 5 % quantile (interval of order statistics) and median; the
+    pairs of equal seeds against the first cell.
 
     A run counts as lost unless the guarantee holds: also a refused or failed run, which is counted again as
     such. `distinct` is the number of different results. With a stopping rule the interval is that of the look
@@ -41,11 +42,13 @@ def summary(state: Progress) -> list[dict[str, Any]]:
             "rate_low": seen.low,
             "rate_high": seen.high,
             "confidence": seen.confidence,
+            "rate_method": Rate.method,
             "refused": sum(r["status"] == REFUSED for r in found),
             "failed": sum(r["status"] == FAILED for r in found),
             "ended_early": sum(r["ended_early"] is not None for r in found),
             "least": float(numbers.min()) if numbers.size else None,
             "quantile_05": [low.value, low.low, low.high],
+            "quantile_method": Quantile.method,
             "median": float(np.median(numbers)) if numbers.size else None,
             "decision": str(look.decision) if look is not None else None,
             "against_first": None,
@@ -73,10 +76,11 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     shown = []
     for r in rows:
         line = {a.rpartition(".")[2]: str(r["parameters"][a]) for a in axes} or {"cell": r["cell"]}
+        interval = f"{100 * r['confidence']:.3g} % Clopper-Pearson"
         line |= {
             "lost": f"{r['lost']}/{r['runs']}",
             "distinct": r["distinct"],
-            f"{100 * r['confidence']:.3g} % CI": f"{100 * r['rate_low']:.1f}-{100 * r['rate_high']:.1f} %",
+            interval: f"{100 * r['rate_low']:.1f}-{100 * r['rate_high']:.1f} %",
             "least": number(r["least"]),
             "median": number(r["median"]),
         }

@@ -14,6 +14,7 @@ from testbed.claims.registry import SEPARATION
 from testbed.report import embed, settings
 from testbed.report.blocks import KEPT, LOST, OPEN, Block, Fact, Part, Picture, Section, Table, download
 from testbed.report.style import drawing
+from testbed.statistics import Rate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -102,7 +103,7 @@ def _base(manifest: Mapping[str, Any]) -> Any:
 def _fact(cell: Mapping[str, Any]) -> Fact:
     text = (
         f"{cell['lost']} of {cell['runs']} runs lost ({100 * cell['confidence']:g} % interval"
-        f" {100 * cell['rate_low']:.1f} to {100 * cell['rate_high']:.1f} %)"
+        f" {100 * cell['rate_low']:.1f} to {100 * cell['rate_high']:.1f} %, {Rate.method})"
     )
     share = cell["lost"] / cell["runs"] if cell["runs"] else None
     return Fact(cell["cell"], LOST if cell["lost"] else KEPT, text, share, rate=True)
@@ -111,18 +112,8 @@ def _fact(cell: Mapping[str, Any]) -> Fact:
 def _row(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers of a cell, what is nested written out."""
     low, pair = cell["quantile_05"], cell["against_first"] or {}
-    keep = (
-        "cell",
-        "runs",
-        "distinct",
-        "lost",
-        "rate_low",
-        "rate_high",
-        "refused",
-        "failed",
-        "ended_early",
-        "least",
-    )
+    keep = ["cell", "runs", "distinct", "lost", "rate_low", "rate_high"]
+    keep += ["refused", "failed", "ended_early", "least"]
     return {k: cell.get(k) for k in keep} | {
         "quantile_05": low[0],
         "median": cell["median"],

@@ -70,10 +70,11 @@ def in_words(text: str) -> str:
 
 
 def rate_fact(name: str, lost: int, runs: int) -> Fact:
-    from testbed.statistics import rate_of
+    from testbed.statistics import Rate, rate_of
 
     seen = rate_of(lost, runs)
-    text = f"{lost} of {runs} runs lose Ds (95 % interval {100 * seen.low:.0f} to {100 * seen.high:.0f} %)"
+    bounds = f"{100 * seen.low:.0f} to {100 * seen.high:.0f} %, {Rate.method}"
+    text = f"{lost} of {runs} runs lose Ds (95 % interval {bounds})"
     return Fact(name, LOST if lost else KEPT, text, lost / runs if runs else None, rate=True)
 
 

@@ -116,7 +116,8 @@ def _row(key: tuple[str, int, str, str], runs: list[dict[str, Any]]) -> dict[str
 def markdown(table: pd.DataFrame) -> str:
     """The table as Markdown, as the guide shows it."""
     lines = [
-        "| vehicle | number | weather | remedy | lost | 95 % interval | least [m] | median [m] | arrived |",
+        "| vehicle | number | weather | remedy | lost | 95 % Clopper-Pearson | least [m] | median [m]"
+        " | arrived |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     lines += [

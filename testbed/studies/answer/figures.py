@@ -40,6 +40,7 @@ def answer(table: pd.DataFrame, folder: Path) -> list[Path]:
             )
         names = [f"{r.number} {r.vehicle}, {r.weather}, {r.remedy}" for r in table.itertuples()]
         a.set_yticks(y, names)
-        a.set(xlabel="runs that lose Ds [%], 95 % interval", xlim=(-2, 102), ylim=(-0.7, len(table) - 0.3))
+        a.set(xlabel="runs that lose Ds [%], 95 % Clopper-Pearson interval")
+        a.set(xlim=(-2, 102), ylim=(-0.7, len(table) - 0.3))
         figure.legend(loc="outside upper right", ncols=4)
         return save(figure, folder, "answer")

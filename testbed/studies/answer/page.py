@@ -43,7 +43,7 @@ def part(folder: Path, title: str) -> Part:
                     *pictures(
                         folder,
                         ("answer",),
-                        "Share of runs that lose Ds, with 95 % intervals",
+                        "Share of runs that lose Ds, with 95 % Clopper-Pearson intervals",
                         folder / "answer.csv",
                         rows,
                     ),

@@ -41,7 +41,7 @@ def answer(
             "remedy": r.remedy,
             "lost": f"{r.lost}/{r.runs}",
             "distinct": r.distinct,
-            "95 % CI": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
+            "95 % Clopper-Pearson": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
             "least [m]": round(r.least_distance_m, 2),
             "arrived": f"{r.arrived}/{r.runs}",
         }

@@ -7,7 +7,7 @@ the simplest rung where it can act; what the single effects do not add up to is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -141,7 +141,7 @@ class Account:
 
 
 def account(table: pd.DataFrame, ladder: Sequence[Rung], quantity: str, seed: int = 0) -> Account:
-    """Mean paired differences of `quantity` with bootstrap intervals; a seed lost on any rung is left out."""
+    """Mean paired differences of `quantity` with intervals; a seed not flown on every rung is left out."""
     values = table.pivot(index="seed", columns="rung", values=quantity).astype(float).dropna()
     rng = np.random.default_rng(seed)
     steps, singles = [], np.zeros(len(values))
@@ -158,6 +158,14 @@ def account(table: pd.DataFrame, ladder: Sequence[Rung], quantity: str, seed: in
         below = here
     total = values[ladder[-1].name].to_numpy() - values[ladder[0].name].to_numpy()
     return Account(quantity, steps, mean(total, rng), mean(total - singles, rng))
+
+
+def methods(accounts: Iterable[Account]) -> str:
+    """How the intervals of rates and of mean differences were found."""
+    means = [m for a in accounts for m in (a.total, a.interaction)]
+    means += [m for a in accounts for step in a.steps for m in (step.difference, step.alone) if m]
+    how = dict.fromkeys(m.method for m in means if m.low != m.high)
+    return f"95 % intervals. Lost: {Rate.method}. Mean differences: {'; '.join(how)}"
 
 
 def rates(table: pd.DataFrame, ladder: Sequence[Rung]) -> dict[str, Rate]:
@@ -223,7 +231,8 @@ def markdown(table: pd.DataFrame) -> str:
         return f"{row[name]:+.2f} ({row[f'{name}_low']:+.2f} to {row[f'{name}_high']:+.2f})"
 
     lines = [
-        "| rung | lost | 95 % interval | not flown | mean least d | change | alone | mean least h | change |",
+        "| rung | lost | 95 % Clopper-Pearson | not flown | mean least d | change | alone | mean least h"
+        " | change |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for _, r in table.iterrows():

@@ -31,8 +31,8 @@ def part(folder: Path, title: str) -> Part:
     change = data["distance_m"]["total"]
     sentence = (
         f"From the bottom rung to the top the least distance changes by {change['value']:.2f} m on average"
-        f" (95 % interval {change['low']:.2f} to {change['high']:.2f} m)."
-        if change.get("value") is not None
+        f" (95 % interval {change['low']:.2f} to {change['high']:.2f} m, {change['method']})."
+        if None not in (change.get("value"), change.get("low"), change.get("high"))
         else ""
     )
     return Part(
@@ -49,7 +49,8 @@ def part(folder: Path, title: str) -> Part:
                 [
                     Table(
                         rows,
-                        "Mean least distance d and h, paired differences [95 % interval]",
+                        "Mean least distance d and h, mean paired differences [95 % interval]. "
+                        + data.get("intervals", ""),
                         downloads=attached(folder / "ladder.csv"),
                     ),
                     *pictures(

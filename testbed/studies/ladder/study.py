@@ -35,13 +35,14 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
                 "lost": _rate(lost[d.rung]),
                 "distinct": ladders.distinct_runs(table, d.rung),
                 "d [m]": round(d.value, 2),
-                "change of d [95 % CI]": _mean(d.difference),
+                "change of d [95 %]": _mean(d.difference),
                 "alone": _mean(d.alone),
                 "h [m]": round(g.value, 2),
             }
             for d, g in zip(distance.steps, h.steps, strict=True)
         ]
-        data = {"seeds": seeds, "rows": rows} | {
+        how = ladders.methods((distance, h))
+        data = {"seeds": seeds, "rows": rows, "intervals": how} | {
             a.quantity: {"total": vars(a.total), "interaction": vars(a.interaction)} for a in (distance, h)
         }
         with reported(out, page.part, overwrite) as folder:
@@ -57,6 +58,7 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
             f"least distance, top rung against bottom: {distance.total} m;"
             f" interaction of the single effects: {distance.interaction} m",
             f"least h, top rung against bottom: {h.total} m; interaction: {h.interaction} m",
+            how,
             *_not_flown(table),
         ],
         data,

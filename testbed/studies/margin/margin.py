@@ -75,6 +75,7 @@ class Point:
 
     infeasible  vehicle-steps without a solution, over all runs
     distinct    different results among the runs
+    rate_low    and rate_high: Clopper-Pearson, 95 %
     """
 
     setting: float
@@ -227,7 +228,7 @@ def _median(values: list[float | None]) -> float | None:
 def markdown(curve: pd.DataFrame) -> str:
     """A curve as Markdown, as the guide shows it: the sweep and what was certified."""
     lines = [
-        "| setting | stage | lost | 95 % interval | least d [m] | no solution | path [m] | time [s] |",
+        "| setting | stage | lost | 95 % Clopper-Pearson | least d [m] | no solution | path [m] | time [s] |",
         "|" + 8 * "---|",
     ]
     lines += [

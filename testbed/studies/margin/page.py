@@ -52,7 +52,7 @@ def part(folder: Path, title: str) -> Part:
                     *pictures(
                         folder,
                         ("margin",),
-                        f"Runs that lose Ds against {knob}, with 95 % intervals",
+                        f"Runs that lose Ds against {knob}, with 95 % Clopper-Pearson intervals",
                         folder / "curve.csv",
                         rows,
                     ),

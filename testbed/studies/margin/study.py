@@ -40,7 +40,7 @@ def margin(
             knob: round(p.setting, 4),
             "lost": f"{p.violations}/{p.runs}",
             "distinct": p.distinct,
-            "95 % CI": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
+            "95 % Clopper-Pearson": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
             "d [m]": round(p.least_distance_m, 2),
             "no QP": p.infeasible,
             "path [m]": hundredths(p.path_added_m),

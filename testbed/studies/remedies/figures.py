@@ -30,7 +30,7 @@ def remedies(table: pd.DataFrame, d_safe: float, folder: Path) -> list[Path]:
         rate = 100 * table.rate.to_numpy()
         low, high = 100 * table.rate_low.to_numpy(), 100 * table.rate_high.to_numpy()
         axes[0].errorbar(rate, y, xerr=[rate - low, high - rate], fmt="o", ms=3.5, color=VERMILION, capsize=2)
-        axes[0].set(xlabel="runs that lose Ds [%], 95 % interval", xlim=(-2, 102))
+        axes[0].set(xlabel="runs that lose Ds [%], 95 % Clopper-Pearson interval", xlim=(-2, 102))
         axes[0].set_yticks(y, table.remedy)
         axes[1].plot(table.least_distance_m, y, "x", color=VERMILION, label="least of all runs")
         axes[1].plot(table.median_distance_m, y, "o", ms=3.5, color=BLUE, label="median")

@@ -80,7 +80,7 @@ def markdown(made: pd.DataFrame) -> str:
         return "" if np.isnan(value) else format(value, form)
 
     lines = [
-        "| remedy | lost | 95 % interval | least d | median d | least h | no solution | overridden"
+        "| remedy | lost | 95 % Clopper-Pearson | least d | median d | least h | no solution | overridden"
         " | fleets arrived | vehicles arrived | path | delay [s] |",
         "|" + 12 * "---|",
     ]

@@ -51,7 +51,7 @@ def compare(
             "remedy": r.remedy,
             "lost": f"{r.violations}/{r.n}",
             "distinct": int(r.distinct),
-            "95 % CI": f"{100 * r.rate_low:.1f}-{100 * r.rate_high:.1f} %",
+            "95 % Clopper-Pearson": f"{100 * r.rate_low:.1f}-{100 * r.rate_high:.1f} %",
             "d [m]": round(r.least_distance_m, 2),
             "h [m]": round(r.least_h_m, 2),
             "no QP": int(r.infeasible_steps),
