@@ -22,7 +22,9 @@ EXAMPLE = "Example: testbed answer --airframes x8 --vehicles 2 --seeds 20"
 
 
 def answer(
-    airframes: Annotated[str, typer.Option("--airframes", help="names or folders")] = "x8,rascal",
+    airframes: Annotated[
+        str, typer.Option("--airframes", help="airframes by name or folder, with commas between")
+    ] = "x8,rascal",
     vehicles: Annotated[str, typer.Option("--vehicles", help="2, 20 or both")] = "2,20",
     out: OutOption = None,
     seeds: SeedsOption = 50,
@@ -30,7 +32,7 @@ def answer(
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Does the guarantee survive? Aircraft, numbers, weather and remedies in one table."""
+    """Fly aircraft in all weathers with all remedies, and tabulate whether the guarantee survives."""
     from testbed.studies.answer.answer import FLEETS
     from testbed.studies.answer.study import answer as find
 

@@ -19,18 +19,19 @@ if TYPE_CHECKING:
 
 ScenarioArg = Annotated[str, typer.Argument(help="a built-in scenario (see: testbed list) or a TOML file")]
 SetOption = Annotated[
-    list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="override a field; may be repeated")
+    list[str] | None,
+    typer.Option("--set", metavar="FIELD=VALUE", help="set a field of the scenario; may be repeated"),
 ]
 OutOption = Annotated[
-    Path | None, typer.Option("--out", help="folder to write; default one in runs, named for what it holds")
+    Path | None, typer.Option("--out", help="folder to write; by default a folder in runs/")
 ]
-SeedOption = Annotated[int | None, typer.Option("--seed", help="seed of everything random in the run")]
-ForceOption = Annotated[bool, typer.Option("--force", help="fly even from a start outside the safe set")]
-OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what an earlier run left there")]
+SeedOption = Annotated[int | None, typer.Option("--seed", help="seed of all random numbers of the run")]
+ForceOption = Annotated[bool, typer.Option("--force", help="fly even if the start is outside the safe set")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace an earlier run in that folder")]
 JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
 
 PlantOption = Annotated[str | None, typer.Option("--plant", help="unicycle, lagged or jsbsim")]
-SeedsOption = Annotated[int, typer.Option("--seeds", help="how many runs of each setting, from seed 1")]
+SeedsOption = Annotated[int, typer.Option("--seeds", help="number of runs of each setting, from seed 1")]
 
 
 def _workers(asked: int | None) -> int | None:
@@ -40,7 +41,8 @@ def _workers(asked: int | None) -> int | None:
 
 
 WorkersOption = Annotated[
-    int | None, typer.Option("--workers", help="processes; default one a core", callback=_workers)
+    int | None,
+    typer.Option("--workers", help="number of processes; by default one per core", callback=_workers),
 ]
 
 # Studies sample the filter as an autopilot would, 20 Hz, unless told otherwise.

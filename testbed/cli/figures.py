@@ -16,15 +16,15 @@ EXAMPLE = "Example: testbed figures --out figures"
 def figures(
     out: Annotated[Path, typer.Option("--out", help="folder to write")],
     plant: Annotated[str, typer.Option("--plant", help="unicycle, lagged or jsbsim")] = "unicycle",
-    kink: Annotated[bool, typer.Option("--kink", help="the kink study instead (some minutes)")] = False,
-    onset: Annotated[bool, typer.Option("--onset", help="when overriding begins, instead")] = False,
-    seeds: Annotated[int, typer.Option("--seeds", help="headings of the kink study")] = 20,
+    kink: Annotated[bool, typer.Option("--kink", help="fly the kink study instead (some minutes)")] = False,
+    onset: Annotated[bool, typer.Option("--onset", help="study instead when overriding begins")] = False,
+    seeds: Annotated[int, typer.Option("--seeds", help="number of headings in the kink study")] = 20,
     workers: WorkersOption = None,
     set_: SetOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Redraw the paper's figures 2, 3 and 6, with errors at the published points; or --onset, --kink."""
+    """Redraw the paper's figures 2, 3 and 6, with errors at the published points; or fly another study."""
     from testbed.report.tables import plain_table
     from testbed.studies.paper.paper import make
 

@@ -8,7 +8,7 @@ EXAMPLE = "Example: testbed list --json"
 
 
 def list_(as_json: JsonOption = False) -> None:
-    """The built-in scenarios."""
+    """List the built-in scenarios, each with a description."""
     from testbed.scenario.scenario import builtin, load
 
     rows = {name: load(name).description for name in builtin()}

@@ -1,7 +1,8 @@
-"""The command line. Every mistake of a user's is one line on stderr and exit code 2."""
+"""Puts the commands together. Every mistake of a person ends in one line on stderr and exit code 2."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -50,42 +51,38 @@ def testbed(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_version, is_eager=True, help="versions of this and of what it stands on"
+            "--version",
+            callback=_version,
+            is_eager=True,
+            help="print versions of the testbed and of its packages",
         ),
     ] = False,
 ) -> None:
     """Options of the program itself."""
 
 
-app.command(short_help="One scenario on one plant, judged.", epilog=run.EXAMPLE)(run.run)
-app.command(short_help="One scenario on several plants, or up the fidelity ladder.", epilog=compare.EXAMPLE)(
-    compare.compare
-)
-app.command("list", short_help="The built-in scenarios.", epilog=list_.EXAMPLE)(list_.list_)
-app.command(short_help="Every field of a scenario file.", epilog=schema.EXAMPLE)(schema.schema)
-app.command(short_help="The paper's figures, with errors.", epilog=figures.EXAMPLE)(figures.figures)
-app.command(short_help="What restores the guarantee, at equal seeds.", epilog=remedies.EXAMPLE)(
-    remedies.remedies
-)
-app.command(short_help="The smallest setting of a remedy that is enough.", epilog=margin.EXAMPLE)(
-    margin.margin
-)
-app.command(short_help="The central table: does the guarantee survive?", epilog=answer.EXAMPLE)(answer.answer)
+def _add(name: str, command: Callable[..., None], example: str, said: str) -> None:
+    app.command(name, short_help=said, epilog=example)(command)
+
+
+# In the order of --help.
+_add("run", run.run, run.EXAMPLE, "Fly one scenario on one plant and judge it.")
+_add("compare", compare.compare, compare.EXAMPLE, "Fly one scenario on several plants, or up the ladder.")
+_add("list", list_.list_, list_.EXAMPLE, "List the built-in scenarios.")
+_add("schema", schema.schema, schema.EXAMPLE, "Print every field of a scenario file.")
+_add("figures", figures.figures, figures.EXAMPLE, "Redraw the paper's figures, with errors.")
+_add("remedies", remedies.remedies, remedies.EXAMPLE, "Compare remedies at equal seeds.")
+_add("margin", margin.margin, margin.EXAMPLE, "Find the smallest setting of a remedy that is enough.")
+_add("answer", answer.answer, answer.EXAMPLE, "Tabulate whether the guarantee survives.")
 app.add_typer(aircraft.app, name="aircraft")
-app.command("tune", short_help="An airframe's gains scored, swept, optimised.", epilog=tune.TUNE_EXAMPLES)(
-    tune.tune
-)
-app.command(short_help="One HTML page of what other commands wrote.", epilog=cli_report.EXAMPLE)(
-    cli_report.report
-)
-app.command("export", short_help="A run for Tacview, or as CSV.", epilog=export.EXAMPLE)(export.export)
-app.command(short_help="Predicted against realised hdot of a run.", epilog=ledger.EXAMPLE)(ledger.ledger)
+_add("tune", tune.tune, tune.TUNE_EXAMPLES, "Score, sweep or optimise an airframe's gains.")
+_add("report", cli_report.report, cli_report.EXAMPLE, "Write one HTML page of what other commands wrote.")
+_add("export", export.export, export.EXAMPLE, "Convert a run for Tacview, or to CSV.")
+_add("ledger", ledger.ledger, ledger.EXAMPLE, "Compare predicted and realised hdot of a run.")
 app.add_typer(regress.app, name="regress")
 app.add_typer(campaign.app, name="campaign")
-app.command(short_help="Search for a violation, and shrink it.", epilog=falsify.EXAMPLES)(falsify.falsify)
-app.command(short_help="Whether a run's verdicts follow from its positions.", epilog=verify.EXAMPLE)(
-    verify.verify
-)
+_add("falsify", falsify.falsify, falsify.EXAMPLES, "Search for a violation, and shrink it.")
+_add("verify", verify.verify, verify.EXAMPLE, "Compute a run's verdicts again from its positions.")
 
 
 def main() -> None:

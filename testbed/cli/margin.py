@@ -29,7 +29,7 @@ def margin(
     scenario: ScenarioArg,
     knob: Annotated[str, typer.Option("--knob", help="ds_buffer, prediction, robust, issf or derate")],
     target_rate: Annotated[
-        float, typer.Option("--target-rate", help="share of runs that may lose Ds")
+        float, typer.Option("--target-rate", help="largest share of runs that may lose Ds")
     ] = 0.01,
     plant: PlantOption = "jsbsim",
     set_: SetOption = None,
@@ -39,7 +39,7 @@ def margin(
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """The smallest setting of a remedy that meets a violation rate, certified on fresh seeds."""
+    """Find the smallest setting of a remedy that meets a violation rate, and certify it on fresh seeds."""
     from testbed.studies.margin.study import margin as find
 
     s = scenario_of(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)

@@ -39,7 +39,7 @@ def remedies(
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """What restores the guarantee: remedies compared at equal seeds."""
+    """Fly remedies at equal seeds and say how often each loses Ds, and what it costs."""
     from testbed.studies.remedies.study import compare
 
     s = scenario_of(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)

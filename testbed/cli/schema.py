@@ -14,11 +14,11 @@ EXAMPLE = "Example: testbed schema > scenario.schema.json"
 
 def schema(
     as_markdown: Annotated[
-        bool, typer.Option("--markdown", help="the reference page of the guide instead")
+        bool, typer.Option("--markdown", help="print the reference page of the guide instead")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="as JSON Schema, which is the default")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON Schema, which is the default")] = False,
 ) -> None:
-    """The JSON Schema of scenario files, or their reference as Markdown."""
+    """Print the JSON Schema of scenario files, or their reference page as Markdown."""
     from testbed.scenario.scenario import Scenario
 
     if as_markdown and as_json:

@@ -29,7 +29,7 @@ from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario import barrier as scenario_barrier
 from testbed.scenario import control
-from testbed.scenario.location import path_of
+from testbed.scenario.location import path_of, relative
 from testbed.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -241,7 +241,9 @@ def airframes(s: Scenario) -> list[Any]:
     try:
         known = {name: load(path_of(name, s.airframes_folder)) for name in sorted(set(s.airframes))}
     except (FileNotFoundError, ValueError) as error:
-        raise UserError(f"airframes: {error}") from None
+        hint = "; a relative folder starts beside the scenario file, or where the command is given"
+        missing = isinstance(error, FileNotFoundError) and any(relative(s.airframes))
+        raise UserError(f"airframes: {error}{hint if missing else ''}") from None
     # Tables, recordings and hashes tell airframes apart by name.
     for (one, a), (other, b) in itertools.combinations(known.items(), 2):
         if a.name == b.name and (a.folder, a.gains) != (b.folder, b.gains):

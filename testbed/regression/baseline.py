@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from aircraft.textfile import read_toml
 from testbed.errors import UserError, nearest
 from testbed.records.checksums import plain
 from testbed.regression.quantities import Quantity, quantities
@@ -72,8 +72,8 @@ def folder(root: Path, asked: Path | None = None) -> Path:
     project = root / "pyproject.toml"
     if project.is_file():
         try:
-            said = tomllib.loads(project.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            said = read_toml(project)
+        except ValueError as error:
             raise UserError(f"{project}: {error}") from None
         chosen = said.get("tool", {}).get("testbed", {}).get("baselines", str(DEFAULT_FOLDER))
         if not isinstance(chosen, str):

@@ -44,7 +44,7 @@ def csv_text(rows: Rows) -> str:
 
 
 def text_of(path: Path) -> str:
-    return path.read_text(encoding="utf-8")
+    return path.read_text(encoding="utf-8-sig")
 
 
 def json_of(path: Path) -> dict[str, Any]:
