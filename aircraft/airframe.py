@@ -53,7 +53,8 @@ def copy(name_or_folder: str, folder: Path) -> Path:
     source = load(name_or_folder)  # vetted: no link in it leads to somebody else's files
     shutil.copytree(source.folder, folder)
     path = folder / "airframe.toml"
-    text = re.sub(r"^name = .*$", f'name = "{folder.name}"', path.read_text(encoding="utf-8-sig"), count=1, flags=re.M)
+    text = path.read_text(encoding="utf-8-sig")
+    text = re.sub(r"^name = .*$", f'name = "{folder.name}"', text, count=1, flags=re.M)
     # Commands that remake derived numbers name their airframe.
     command = r'^command = "testbed aircraft (identify|trim) .*"$'
     text = re.sub(command, rf'command = "testbed aircraft \1 {folder.as_posix()}"', text, flags=re.M)
