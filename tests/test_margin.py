@@ -80,9 +80,12 @@ def test_luck_on_the_sweeps_seeds_is_not_a_certificate() -> None:
     assert not found.certified
     said = sentence(found)
     assert said.startswith(
-        "no setting of ds_buffer up to 6 certified for a rate of 0.01: good on the sweep's"
+        "no setting of ds_buffer up to 6 certified for a rate of 0.01: 9 met it on the sweep's"
     )
-    assert [said.count(f" lost at {x}") for x in ("0", "0.25", "0.5")] == [3, 1, 1]
+    # every setting that lost none in the sweep was tried
+    tried = [p.setting for p in found.points if p.stage.startswith("certify")]
+    assert tried == list(KNOBS["ds_buffer"].grid) and found.setting == tried[-1]
+    assert said.count(" lost at ") == len(tried)
 
 
 def test_a_certificate_that_fails_moves_up_the_sweep() -> None:
@@ -96,8 +99,11 @@ def test_a_certificate_that_fails_moves_up_the_sweep() -> None:
 
     found = find(SCENARIO, "ds_buffer", 0.05, seeds=5, workers=1, measured=measured)
     tried = [p.setting for p in found.points if p.stage.startswith("certify")]
-    assert 0.8 <= tried[0] < 1.0 and tried[1:] == [1.0, 1.5] and not found.certified
-    assert found.setting == 1.5
+    assert 0.8 <= tried[0] < 1.0 and tried[1:] == [1.0, 1.5, 2.0, 3.0]
+    assert found.certified and found.setting == 3.0
+    # 7 tries were possible: 0.05 / 7 of error each, ln(0.05 / 7) / ln(0.95) = 96.3 runs without a loss
+    assert {p.runs for p in found.points if p.stage.startswith("certify")} == {97}
+    assert found.bound == pytest.approx(1 - (0.05 / 7) ** (1 / 97))
     # each on seeds that neither the sweep nor another certificate has flown
     fresh = [{seed for seed in seen[setting] if seed > 5} for setting in tried]
     runs = [p.runs for p in found.points if p.stage.startswith("certify")]

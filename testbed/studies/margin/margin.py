@@ -1,9 +1,9 @@
-"""The smallest setting of a remedy that meets a violation rate, certified on fresh seeds.
+"""Finds the smallest setting of a remedy that meets a violation rate, certified on fresh seeds.
 
 Not every knob is monotone: a prediction of 0.3 to 0.6 s helps and 0.8 s hurts. So the knob is swept on common
-seeds, the first feasible stretch bracketed, its lower edge bisected, and the edge certified on seeds not seen
-before. A certificate that fails moves up to the next good setting of the sweep and tries again, for what few
-seeds did not see is seldom cured by a little more; the error is split over the tries.
+seeds, the first range that meets the rate is bracketed, its lower edge bisected, and the edge certified on
+seeds not used before. After a certificate that fails the next setting of the sweep that lost no run is tried,
+up to the last one; the error is split over as many tries as there may be.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 CONFIDENCE = 0.95
 BISECTIONS = 4
-TRIES = 3
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ KNOBS = {
 
 @dataclass(frozen=True)
 class Point:
-    """One setting on some seeds; path, time and arrival are medians over its runs of the worst vehicle's.
+    """One setting on some seeds; path, time and arrival are the worst vehicle's, the median over the runs.
 
     infeasible  vehicle-steps without a solution, over all runs
     distinct    different results among the runs
@@ -94,7 +93,11 @@ class Point:
 
 @dataclass
 class Margin:
-    """What was found: `setting` is None where nothing on the grid met the target."""
+    """What was found.
+
+    setting    the one certified, or else the last one tried; None if none on the grid met the rate
+    bound      upper bound of the rate at `setting`, at `CONFIDENCE` over all tries; 1 if not certified
+    """
 
     knob: str
     unit: str
@@ -129,7 +132,7 @@ def find(
     if not 0.0 < target_rate < 1.0:
         raise UserError(f"--target-rate {target_rate:g}: give a rate between 0 and 1, such as 0.01")
     k = KNOBS[knob]
-    for setting in k.grid:  # what the scenario cannot take is said before anything is flown
+    for setting in k.grid:  # refuse before anything is flown
         override(s, k.fields(setting))
     found, flown = Margin(knob, k.unit, target_rate), book or Journal()
 
@@ -159,21 +162,18 @@ def find(
                 high = middle
             else:
                 low = middle
-    each = 1 - (1 - CONFIDENCE) / TRIES
+    # The edge, then every setting above it that lost no run in the sweep. The list is fixed before a fresh
+    # seed is flown, so splitting the error over it keeps the confidence.
+    candidates = [high, *(x for x in k.grid if x > high and grid[x].violations == 0)]
+    each = 1 - (1 - CONFIDENCE) / len(candidates)
     runs = ceil(log(1 - each) / log(1 - target_rate))
-    fresh = seeds + 1
-    above = [x for x in good if x >= k.grid[first]]
-    for attempt in range(TRIES):
-        point = fly(high, range(fresh, fresh + runs), f"certify {attempt + 1}")
-        fresh += runs
+    for attempt, setting in enumerate(candidates):
+        fresh = seeds + 1 + attempt * runs
+        point = fly(setting, range(fresh, fresh + runs), f"certify {attempt + 1}")
+        found.setting = setting
         if point.violations == 0:
-            found.setting, found.certified, found.bound = high, True, zero_event_bound(runs, each)
-            return found
-        above = [x for x in above if x > high]
-        if not above or attempt + 1 == TRIES:
+            found.certified, found.bound = True, zero_event_bound(runs, each)
             break
-        high = above[0]
-    found.setting = high
     return found
 
 
@@ -189,8 +189,8 @@ def sentence(found: Margin) -> str:
     if tried:
         lost = "; ".join(f"{p.violations} of {p.runs} lost at {p.setting:.4g}" for p in tried)
         return (
-            f"no setting of {found.knob} up to {last} certified for {rate_}: good on the sweep's seeds, but"
-            f" on fresh ones {lost}"
+            f"no setting of {found.knob} up to {last} certified for {rate_}: {len(tried)} met it on"
+            f" the sweep's seeds, but on fresh ones {lost}"
         )
     best = min(found.points, key=lambda p: (p.violations, -p.least_distance_m))
     return (
