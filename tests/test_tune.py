@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from aircraft.airframe import load
-from aircraft.airframes.schema import Airframe
+from aircraft.airframes.provenance import stale_lags
+from aircraft.airframes.schema import Airframe, Channel, Identified
 from aircraft.autopilots import gains
 from aircraft.autopilots.specification import Row, evaluate
 from testbed.errors import UserError
-from testbed.studies.tuning import optimisation, tuning
+from testbed.studies.tuning import lags, optimisation, tuning
 from testbed.studies.tuning.optimisation import Search, cost, search
 from testbed.studies.tuning.tuning import Sweep
 
@@ -231,6 +233,10 @@ def test_optimise_writes_gains_that_can_be_given_back(
     assert "--seed 3" in text and "airframe_sha256" in text and "jsbsim" in text
     tuned = load(out / "gains.toml")
     assert all(r.met for r in evaluate(tuned, ["turn"]))
+    # its lags were identified with these gains, and the command that remakes them names the file
+    assert tuned.identified is not None and stale_lags(tuned) is None
+    assert tuned.identified.command == f"testbed aircraft identify {out / 'gains.toml'}"
+    assert len(json.loads((out / "tune.json").read_text())["lags"]) == 3
     assert not list(tmp_path.glob(".o.*"))
     # the folder is taken
     assert call("tune", "x8", *options, *limits, "--out", out) == 2
@@ -245,3 +251,40 @@ def test_tune_says_whether_all_bounds_are_met(
     out = capsys.readouterr().out
     assert "bounds met" in out and "omega 0 to 11.7 deg/s at 25 m/s" in out
     assert max(map(len, out.splitlines())) <= 80
+
+
+def identified(*channels: tuple[float, float]) -> Identified:
+    v, omega, zeta = (Channel(time_constant_s=t, delay_s=d) for t, d in channels)
+    return Identified(command="none", v=v, omega=omega, zeta=zeta)
+
+
+def test_a_channel_that_got_slower_is_named_with_both_times() -> None:
+    before = identified((0.3, 0.1), (0.2, 0.1), (0.5, 0.1))
+    after = identified((0.3, 0.1), (0.3, 0.15), (0.4, 0.1))
+    found = lags.rows(before, after)
+    assert [row["t63_s"] for row in found] == [0.4, 0.45, 0.5]
+    assert lags.sentences(found) == ["turn rate got slower by 50 %: 63 % after 0.450 s, before 0.300 s"]
+    assert lags.sentences(lags.rows(before, before)) == ["no channel got slower"]
+    assert lags.sentences(lags.rows(None, after)) == [
+        "the lags before are not known: nothing to compare with"
+    ]
+
+
+@pytest.mark.slow
+def test_missed_bounds_end_a_check_with_exit_code_1_and_the_page_says_them(
+    detuned: Path, tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "scores"
+    assert call("tune", "x8", "--gains", detuned) == 0
+    assert call("tune", "x8", "--gains", detuned, "--check", "--out", out) == 1
+    rows = pd.read_csv(out / "specification.csv")
+    missed = int((~rows.met).sum())
+    assert missed > 0 and f"{missed} of {len(rows)} bounds missed" in capsys.readouterr().out
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert f"{missed} of {len(rows)} bounds missed" in page and "specification.csv" in page
+    assert json.loads((out / "tune.json").read_text())["rows"][0].keys() == set(rows.columns)
+
+
+def test_a_sweep_is_not_checked(refusal: Callable[..., str]) -> None:
+    said = refusal("tune", "x8", "--sweep", "turn.damping=0.5:2:3", "--check")
+    assert "--check: a --sweep has many sets of gains" in said

@@ -45,6 +45,9 @@ def tune(
     evaluations: Annotated[
         int, typer.Option("--evaluations", help="at most so many scores a start of --optimise")
     ] = 300,
+    check: Annotated[
+        bool, typer.Option("--check", help="exit with code 1 if a bound of the specification is missed")
+    ] = False,
     gains: GainsOption = None,
     out: OutOption = None,
     workers: WorkersOption = None,
@@ -61,6 +64,8 @@ def tune(
     airframe = airframe_of(name, gains)
     if scenario and not sweep:
         raise UserError("--scenario: flown at the points of a --sweep; give one")
+    if check and sweep:
+        raise UserError("--check: a --sweep has many sets of gains; check one with --gains FILE")
     if sweep and optimise:
         raise UserError("--sweep and --optimise: one at a time")
     said = _command(name, sweep, scenario, set_, gains)
@@ -81,7 +86,7 @@ def tune(
             evaluations=evaluations, workers=workers, overwrite=overwrite,
         )  # fmt: skip
     else:
-        found = tuning.specification(airframe)
+        found = tuning.specification(airframe, out, command=said, overwrite=overwrite)
     if as_json:
         from testbed.records.checksums import plain
 
@@ -89,7 +94,7 @@ def tune(
     else:
         show_table(found.title, found.rows)
         print("\n".join(found.lines))
-    if optimise and not found.met:
+    if (optimise or check) and not found.met:
         raise typer.Exit(1)
 
 

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from testbed.campaigns.display import say
 from testbed.campaigns.engine import fly_all
 from testbed.campaigns.journal import Journal
 from testbed.errors import UserError
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
-from testbed.studies.tuning import page
+from testbed.studies.tuning import lags, page
 from testbed.studies.tuning.provenance import changed_gains, fingerprint, provenance_of
 from testbed.studies.tuning.tuning import Tuned
 
@@ -177,9 +178,15 @@ def optimise(
     workers: int | None = None,
     overwrite: bool = False,
 ) -> Tuned:
-    """Search from `starts` simplices; write gains.toml, tune.json and the scores before and after."""
+    """Search from `starts` simplices; write gains.toml with lags identified anew, and the scores.
+
+    The scores are those before and after, in tune.json and specification.csv.
+    """
+    import pandas as pd
+
     from aircraft.autopilots.gains import write as write_gains
     from aircraft.autopilots.specification import evaluate
+    from aircraft.jsbsim.errors import FdmError
     from testbed.components.catalogue import versions
     from testbed.report import aircraft_tables as tables
 
@@ -201,18 +208,29 @@ def optimise(
     with reported(out, page.part, overwrite) as folder:
         provenance = {"command": command, "airframe_sha256": airframe.fingerprint()}
         provenance |= {"versions": json.dumps(versions()), "start": str(best["seed"])}
-        write_gains(folder / "gains.toml", source, best["gains"], provenance)
+        file = folder / "gains.toml"
+        write_gains(file, source, best["gains"], provenance)
+        try:
+            slower = lags.rows(lags.known_lags(airframe), lags.identify_again(file, out / file.name, say))
+        except FdmError as error:
+            slower, said = [], [f"the lags could not be identified with these gains: {error}"]
+        else:
+            said = lags.sentences(slower)
         rows = [
             {"case": b.case, "quantity": b.quantity, "before": b.value, "after": a.value, "target": b.target}
             | {"met": a.met}
             for b, a in zip(before, after, strict=True)
         ]
-        write_json(folder / "tune.json", provenance_of(command, airframe) | {"searches": found, "rows": rows})
-    for file in memory:
-        file.unlink(missing_ok=True)
+        pd.DataFrame(rows).to_csv(folder / "specification.csv", index=False)
+        data = provenance_of(command, airframe) | {"searches": found, "rows": rows}
+        write_json(folder / "tune.json", data | {"lags": slower, "lags_said": said})
+    for kept in memory:
+        kept.unlink(missing_ok=True)
     missed = sum(not r.met for r in after)
     lines = [f"{g} = {v:.6g}" for g, v in best["gains"].items()]
     lines += [f"bounds missed: {sum(not r.met for r in before)} before, {missed} after"]
-    lines += [f"gains file: {out / 'gains.toml'}"]
+    lines += [*said, f"gains file, with the lags identified anew: {out / 'gains.toml'}"]
     shown = tables.specification(tables.worst(after))
-    return Tuned(f"{airframe.title}: optimised", shown, lines, {"best": best, "rows": rows}, not missed)
+    return Tuned(
+        f"{airframe.title}: optimised", shown, lines, {"best": best, "rows": rows, "lags": slower}, not missed
+    )

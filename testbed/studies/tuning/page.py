@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from testbed.report import settings
 from testbed.report.blocks import (
@@ -27,15 +28,21 @@ from testbed.report.folder_files import (
 
 
 def part(folder: Path, title: str) -> Part:
-    """Swept or optimised gains."""
+    """The account of scored, swept or optimised gains."""
     data = json_of(folder / "tune.json")
     rows = data["rows"]
     blocks: list[Block] = []
     if (folder / "sweep.csv").is_file():
         text, status = f"{len(rows)} sets of gains flown", OPEN
-        fewest = min(rows, key=lambda r: finite(r.get("missed")))
+        # Gains with which the airframe could not fly have no count.
+        scored = [r for r in rows if finite(r.get("missed")) == finite(r.get("missed"))]
+        fewest: dict[str, Any] = min(scored, key=lambda r: finite(r["missed"]), default={})
         where = ", ".join(f"{name} {value:.4g}" for name, value in fewest.items() if "." in name)
-        details = [f"Fewest bounds of the step specification are missed at {where}: {fewest.get('missed')}."]
+        details = (
+            [f"The fewest bounds of the step specification are missed at {where}: {fewest['missed']:.0f}."]
+            if fewest
+            else ["With none of these gains the airframe could fly the steps."]
+        )
         blocks += pictures(
             folder,
             ("sweep",),
@@ -52,11 +59,15 @@ def part(folder: Path, title: str) -> Part:
             if missed
             else f"All {len(rows)} bounds of the step specification met"
         )
-        details, sheet = [], download("CSV", "specification.csv", csv_text(rows))
+        details = [f"{said[0].upper()}{said[1:]}." for said in data.get("lags_said", [])]
+        file = folder / "specification.csv"
+        sheet = attached(file) or download("CSV", file.name, csv_text(rows))
     bad = frozenset(k for k, r in enumerate(rows) if r.get("met") is False)
     blocks.append(
         Table(rows, "A row per set of gains" if "met" not in rows[0] else "The specification", bad, sheet)
     )
+    if data.get("lags"):
+        blocks.append(Table(data["lags"], "Lags identified on step responses [s], before and after"))
     gains = folder / "gains.toml"
     if gains.is_file():
         blocks.append(Listing("gains.toml", text_of(gains)))

@@ -36,17 +36,36 @@ class Tuned:
     met: bool = True
 
 
-def specification(airframe: Airframe) -> Tuned:
-    """Every row of the specification with the airframe's gains, the least margins in place of all."""
+def specification(
+    airframe: Airframe, out: Path | None = None, *, command: str = "", overwrite: bool = False
+) -> Tuned:
+    """Every row of the specification with the airframe's gains, the least margins in place of all.
+
+    out  folder for tune.json, specification.csv and a page; None writes nothing
+    """
     from aircraft.autopilots.specification import evaluate
     from testbed.report import aircraft_tables as tables
 
+    if out is not None:
+        check_free(out, overwrite)
     rows = evaluate(airframe)
     missed = [r for r in rows if not r.met]
     line = f"{len(missed)} of {len(rows)} bounds missed" if missed else f"all {len(rows)} bounds met"
     data = {"airframe": airframe.name, "rows": [vars(r) | {"met": r.met} for r in rows]}
     shown = tables.specification(tables.worst(rows))
-    return Tuned(f"{airframe.title}: step specification", shown, [line], data, not missed)
+    lines = [line]
+    if out is not None:
+        import pandas as pd
+
+        with reported(out, page.part, overwrite) as folder:
+            written = [
+                {"case": r.case, "quantity": r.quantity, "value": r.value, "target": r.target, "met": r.met}
+                for r in rows
+            ]
+            pd.DataFrame(written).to_csv(folder / "specification.csv", index=False)
+            write_json(folder / "tune.json", provenance_of(command, airframe) | {"rows": written})
+        lines.append(f"table and page: {out}")
+    return Tuned(f"{airframe.title}: step specification", shown, lines, data, not missed)
 
 
 def sweep(
