@@ -13,9 +13,9 @@ import pandas as pd
 import pytest
 
 from aircraft.airframe import load
-from aircraft.airframes.provenance import stale_lags
 from aircraft.airframes.schema import Airframe, Channel, Identified
 from aircraft.autopilots import gains
+from aircraft.autopilots.freshness import stale_lags
 from aircraft.autopilots.specification import Row, evaluate
 from testbed.errors import UserError
 from testbed.studies.tuning import lags, optimisation, tuning

@@ -34,7 +34,7 @@ def identify_again(gains_file: Path, final: Path, progress: Callable[[str], None
 
 def known_lags(airframe: Airframe) -> Identified | None:
     """The lags identified on the airframe as it is; None if there are none or they are of another one."""
-    from aircraft.airframes.provenance import stale_lags
+    from aircraft.autopilots.freshness import stale_lags
 
     return None if stale_lags(airframe) else airframe.identified
 
