@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from aircraft.airframes.schema import Airframe, Speeds
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import linear_model
 from aircraft.autopilots.margins import Margins, margins, model_response
+from aircraft.autopilots.stability import unstable_modes
 from aircraft.autopilots.tuning import Flight, Score, fly, score
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin, motions
@@ -19,6 +20,7 @@ from aircraft.jsbsim.rest import Start
 
 TURN = math.radians(11.7)  # rad/s, the paper's evading turn
 MARGINS = {"gain_db": 6.0, "phase_deg": 45.0, "disk": 0.5}
+_NO_MARGINS = Margins(math.nan, math.nan, math.nan, math.nan)
 _FREQUENCY = np.geomspace(0.05, 600.0, 400)  # rad/s, where margins are looked for
 _TURBULENCE_W20_MPS = 15.43  # 30 knots at 20 ft: MIL-F-8785C's moderate
 _TURBULENCE_S = 60.0
@@ -143,15 +145,22 @@ def _quantities(step: Step, f: Flight) -> dict[str, float]:
     return found | {"final_error": abs(only.final_error)}
 
 
-def margin_rows(airframe: Airframe, speeds: Sequence[float] | None = None, dt: float = 0.005) -> list[Row]:
-    """Margins of every loop at every trim speed, of the linear model."""
+def margin_rows(
+    airframe: Airframe,
+    speeds: Sequence[float] | None = None,
+    dt: float = 0.005,
+    unstable: Collection[float] = (),
+) -> list[Row]:
+    """Margins of every loop at every trim speed, of the linear model; NaN where the closed loop is unstable.
+
+    unstable  speeds [m/s] at which a flight showed that it is, whatever the linear model says
+    """
     rows = []
     for v in airframe.speeds.trim_mps if speeds is None else speeds:
         model = linear_model(airframe, v, dt)
-        stable = np.abs(np.linalg.eigvals(model.a)).max() < 1 + 1e-6  # the heading is neutral
+        stable = v not in unstable and not unstable_modes(model, v)
         for loop in loops(airframe):
-            unstable = Margins(0.0, 0.0, 0.0, float("nan"))
-            found = margins(model_response(model, loop, _FREQUENCY)) if stable else unstable
+            found = margins(model_response(model, loop, _FREQUENCY)) if stable else _NO_MARGINS
             for name, bound in MARGINS.items():
                 rows.append(
                     Row("margins", f"{loop} at {v:g} m/s", name, getattr(found, name), bound, at_most=False)

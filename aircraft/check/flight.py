@@ -21,6 +21,7 @@ import numpy as np
 from aircraft.airframes.files import Files, Finding, read_folder, toml_line
 from aircraft.airframes.references import declared
 from aircraft.autopilots.freshness import stale_feedforward, stale_lags
+from aircraft.autopilots.stability import instabilities
 from aircraft.autopilots.tuning import fly
 from aircraft.check.bench import Bench
 from aircraft.check.plausibility import PLAUSIBILITY
@@ -60,6 +61,8 @@ def findings(files: Files, stage: Callable[[str], None]) -> Iterator[Finding]:
     yield from trims
     if any(f.severity == "error" for f in trims):
         return
+    stage("disturbing level flight")
+    yield from _stable(files)
     stage(f"flying {_FLOWN_S:g} s")
     yield from _flies(files)
     stage("comparing derived numbers with their sources")
@@ -128,6 +131,19 @@ def _trims(files: Files) -> Iterator[Finding]:
             remedy = "check Cm_alpha, and that the centre of gravity is ahead of the neutral point"
             line = Bench(files, fdm).line("aero/alpha-rad", axis="PITCH")
             yield Finding("sign", "warning", files.model, line, message, remedy)
+
+
+# The section of the gains that closes a loop.
+_SECTIONS = {"elevator": "climb", "throttle": "speed", "aileron": "turn", "rudder": "rudder"}
+
+
+def _stable(files: Files) -> Iterator[Finding]:
+    """Level flight under the autopilot must come back after a small disturbance, at every trim speed."""
+    toml = files.folder / "airframe.toml"
+    for found in instabilities(files.airframe):
+        section = f"gains.{_SECTIONS[found.loop]}"
+        remedy = f"lower the gains of [{section}]"
+        yield Finding("stability", "error", toml.name, toml_line(toml, section), str(found), remedy)
 
 
 def _flies(files: Files) -> Iterator[Finding]:

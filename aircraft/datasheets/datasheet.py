@@ -24,6 +24,7 @@ from aircraft.autopilots.margins import (
 )
 from aircraft.autopilots.specification import Row, Step, flown, margin_rows, turbulence_rows
 from aircraft.autopilots.specification import steps as specified
+from aircraft.autopilots.stability import Instability, instabilities
 from aircraft.autopilots.tuning import Flight
 from aircraft.datasheets.envelope import Box, Corner, Limits, corners, envelope
 from aircraft.jsbsim.fdm import Fdm
@@ -63,6 +64,7 @@ class Datasheet:
     envelope: list[Limits]
     corners: list[Corner]
     modes: dict[float, list[Mode]]
+    unstable: list[Instability]  # under the autopilot; at these speeds there are no margins
     loops: list[Loop]
     steps: list[tuple[Step, Flight]]
     rows: list[Row]
@@ -80,6 +82,7 @@ class Datasheet:
             "envelope": envelope_rows(self.envelope),
             "corners": corner_rows(self.corners),
             "modes": mode_rows(self.modes),
+            "unstable": [asdict(x) | {"says": str(x)} for x in self.unstable],
             "margins": loop_rows(self.loops),
             "specification": [asdict(r) | {"met": r.met} for r in self.rows],
             "identified": a.identified.model_dump() if a.identified else None,
@@ -101,22 +104,28 @@ def describe(
     trims = trim_rows(airframe, box)
     progress("envelope")
     reach, ends = envelope(airframe, box), corners(airframe, box)
+    progress("stability")
+    unstable = instabilities(airframe)
+    shaky = {x.v for x in unstable}
     found_loops, found_modes = [], {}
     for v in airframe.speeds.trim_mps:
         progress(f"modes and margins at {v:g} m/s")
         model = linear_model(airframe, v)
         found_modes[v] = modes(model.point)
-        found_loops += [compare(airframe, v, loop) for loop in loops(airframe)]
+        if v not in shaky:
+            found_loops += [compare(airframe, v, loop) for loop in loops(airframe)]
     progress("steps")
     steps, rows = [], []
     for step in specified(airframe.speeds):
         flight, scored = flown(airframe, step)
         steps.append((step, flight))
         rows += scored
-    rows += margin_rows(airframe)
+    rows += margin_rows(airframe, unstable=shaky)
     progress("turbulence")
     rows += turbulence_rows(airframe)
-    return Datasheet(airframe, sizes, trims, box, reach, ends, found_modes, found_loops, steps, rows)
+    return Datasheet(
+        airframe, sizes, trims, box, reach, ends, found_modes, unstable, found_loops, steps, rows
+    )
 
 
 def compare(airframe: Airframe, v: float, loop: str) -> Loop:

@@ -5,6 +5,14 @@ from __future__ import annotations
 from aircraft.jsbsim.rest import Instance, Start, initialise, place
 from aircraft.jsbsim.steady import Trim, trim
 
+_NEAR = 1e-5  # of a command: how near the settled autopilot's commands are to the trim's
+# Integrators: the command that each holds in level flight, and the limit that the equations give its state.
+_INTEGRALS = {
+    "turn_integral": ("aileron", 0.15),
+    "climb_integral": ("elevator", 3.0),
+    "speed_integral": ("throttle", 2.0),
+}
+
 
 def start(fdm: Instance, at: Start) -> Trim:
     """Trim, take the start's place, velocity and wind, settle the autopilot's states and switch it on."""
@@ -25,7 +33,48 @@ def start(fdm: Instance, at: Start) -> Trim:
         _settle(fdm, "throttle_wanted", found.throttle, "speed_integral")
     for _ in range(3):
         fdm.evaluate()
+    targets = {"aileron": found.aileron, "elevator": found.elevator, "throttle": found.throttle}
+    if any(abs(n[f"{name}_wanted"].get_double_value() - x) > _NEAR for name, x in targets.items()):
+        _settle_apart(fdm, targets)
     return found
+
+
+def _settle_apart(fdm: Instance, targets: dict[str, float]) -> None:
+    """Choose the integrators' states with the surfaces held where the trim has them.
+
+    An autopilot of high gain answers the side force that its own surfaces make: evaluated again and again
+    without the surfaces' lag, it runs away. Here it is evaluated once at a time, from the trim.
+    """
+    from scipy.optimize import brentq
+
+    n = fdm.nodes
+    values = dict.fromkeys(_INTEGRALS, 0.0)
+
+    def answer() -> None:
+        """Evaluate the autopilot at the trim, with the integrators at `values`."""
+        n["on"].set_double_value(0.0)
+        for name, target in targets.items():
+            n[name].set_double_value(target)
+        for _ in range(3):
+            fdm.evaluate()
+        n["on"].set_double_value(1.0)
+        for integral, value in values.items():
+            n[integral].set_double_value(value)
+        fdm.evaluate()
+
+    def miss(value: float, name: str, integral: str) -> float:
+        values[integral] = value
+        answer()
+        return float(n[f"{name}_wanted"].get_double_value()) - targets[name]
+
+    for _ in range(2):
+        for integral, (name, most) in _INTEGRALS.items():
+            low, high = miss(-most, name, integral), miss(most, name, integral)
+            if low * high < 0:
+                values[integral] = float(brentq(miss, -most, most, (name, integral), xtol=1e-12))
+            else:
+                values[integral] = 0.0
+    answer()
 
 
 def _settle(fdm: Instance, wanted: str, target: float, integral: str) -> None:

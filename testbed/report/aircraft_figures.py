@@ -203,7 +203,7 @@ def all_of(sheet: Datasheet) -> dict[str, Figure]:
         "trim": trim(sheet),
         "envelope": envelope(sheet),
         "modes": modes(sheet),
-        "loops": loops(sheet),
+        **({"loops": loops(sheet)} if sheet.loops else {}),
         "steps": steps(sheet),
     }
     last = channels(sheet)

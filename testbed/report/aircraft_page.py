@@ -69,8 +69,10 @@ def _figure(title: str) -> str:
     return _FIGURES.get(title.split(";")[0], "")
 
 
-def _least(sheet: Datasheet) -> dict[str, float]:
-    """The smallest margins of any loop at any speed, and the largest disagreement."""
+def _least(sheet: Datasheet) -> dict[str, float] | None:
+    """The smallest margins of any loop at any speed, and the largest disagreement; None without margins."""
+    if sheet.unstable or not sheet.loops:
+        return None
     return {
         "gain_db": min(x.model.gain_db for x in sheet.loops),
         "phase_deg": min(x.model.phase_deg for x in sheet.loops),

@@ -45,6 +45,7 @@ def tables(sheet: Datasheet) -> dict[str, Rows]:
         ),
         "Corners of the filter's box; m/s, deg/s": corners(sheet),
         "Modes of the airframe, controls fixed": modes(sheet),
+        "Stability under the autopilot": stability(sheet),
         "Loops broken at the plant input; measured by injection in brackets": loops(sheet),
         "Step specification": specification([r for r in sheet.rows if r.group != "margins"]),
     }
@@ -157,6 +158,24 @@ def modes(sheet: Datasheet) -> Rows:
     return [{k: row.get(k) for k in names} for row in rows]
 
 
+def stability(sheet: Datasheet) -> Rows:
+    """Every unstable motion; else the speeds at which there was none."""
+    if not sheet.unstable:
+        speeds = ", ".join(f"{v:g}" for v in sheet.airframe.speeds.trim_mps)
+        return [{"v": speeds, "closed loop": "stable: all poles decay, and so does a small pulse in flight"}]
+    return [
+        {
+            "v": x.v,
+            "loop": x.loop,
+            "closed loop": "unstable",
+            "frequency": f"{x.frequency:.1f} rad/s",
+            "growth": "does not decay" if x.flown else f"{x.growth:.2g} per s",
+            "shown by": "flight" if x.flown else "linear model",
+        }
+        for x in sheet.unstable
+    ]
+
+
 def loops(sheet: Datasheet) -> Rows:
     return [
         {
@@ -197,12 +216,13 @@ def specification(rows: list[Row]) -> Rows:
     for r in sorted(rows, key=lambda r: GROUPS.index(r.group)):
         name, unit, scale = QUANTITIES[r.quantity]
         sign = "at most" if r.at_most else "at least"
+        unstable = r.group == "margins" and math.isnan(r.value)
         bound = f"{sign} {r.target * scale:.3g} {unit}".rstrip() if math.isfinite(r.target) else ""
         listed.append(
             {
                 "step": r.case,
                 "quantity": name,
-                "value": f"{r.value * scale:.3g} {unit}".rstrip(),
+                "value": "unstable" if unstable else f"{r.value * scale:.3g} {unit}".rstrip(),
                 "target": bound,
                 "met": ("yes" if r.met else "NO") if bound else "",
             }
