@@ -14,9 +14,12 @@ from testbed.cli.common import JsonOption, display, show
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from testbed.verification.coverage import Uncovered
     from testbed.verification.finding import Finding
 
 EXAMPLE = "Example: testbed verify runs/demo/jsbsim --fly"
+# So many names of one table are printed one by one.
+FEW = 4
 ANSWERS = {True: "agrees", False: "DIFFERS", None: "open"}
 
 
@@ -34,9 +37,10 @@ def verify(
     steps were not recorded. Exit code 1 if anything differs or a file was changed, 2 if the folder cannot be
     read or lacks rows.
     """
-    from testbed.verification.check import verify as check
+    from testbed.verification.check import check
 
-    findings = check(run)
+    checked = check(run)
+    findings = checked.findings
     if fly:
         from testbed.simulation.refly import refly
 
@@ -45,10 +49,11 @@ def verify(
     wrong, left = ([f for f in findings if f.agrees is answer] for answer in (False, None))
     if as_json:
         said = {"run": str(run), "agrees": not wrong, "open": [f.what for f in left]}
-        print(json.dumps(said | {"findings": [vars(f) for f in findings]}, indent=2))
+        said |= {"findings": [vars(f) for f in findings], "not_covered": [vars(u) for u in checked.uncovered]}
+        print(json.dumps(said, indent=2))
     else:
         show(_table(str(run), findings))
-        for line in _reasons(wrong, left):
+        for line in [*_reasons(wrong, left), *_not_covered(checked.uncovered)]:
             print(textwrap.fill(line, 80, subsequent_indent="  "))
         print(_last(findings, wrong, left, fly))
     if wrong:
@@ -78,6 +83,30 @@ def _reasons(wrong: list[Finding], left: list[Finding]) -> list[str]:
         names = [f.what for f in left if f.why == why]
         lines.append(f"open: {', '.join(names)}: {why}")
     return lines
+
+
+def _not_covered(uncovered: list[Uncovered]) -> list[str]:
+    """Everything in the folder that nothing was compared with, by reason."""
+    lines = []
+    for why in dict.fromkeys(u.why for u in uncovered):
+        names = [u.what for u in uncovered if u.why == why]
+        lines.append(f"not covered: {', '.join(_short(names))}: {why}")
+    return lines
+
+
+def _short(names: list[str]) -> list[str]:
+    """Names of one table in one, where there are many; the same field of many claims too."""
+    tables: dict[str, list[str]] = {}
+    for name in names:
+        table, _, field = name.rpartition(".")
+        tables.setdefault(f"{field} of every claim" if field == "why" else table, []).append(name)
+    short = []
+    for table, members in tables.items():
+        if table.endswith("of every claim"):
+            short.append(table)
+        else:
+            short += members if len(members) <= FEW else [f"{table}.* ({len(members)})"]
+    return short
 
 
 def _last(findings: list[Finding], wrong: list[Finding], left: list[Finding], fly: bool) -> str:

@@ -8,12 +8,14 @@ lead to is reproduced, any other is open.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from testbed.claims import registry
 from testbed.claims.monitored import MONITORED
 from testbed.errors import UserError
 from testbed.verification.columns import columns
+from testbed.verification.coverage import Uncovered, uncovered
 from testbed.verification.filter_claims import filtering
 from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import Pose, fly_on
@@ -26,6 +28,7 @@ from testbed.verification.premise_claims import premises
 from testbed.verification.recorded import Recorded, read
 from testbed.verification.rows import Rows
 from testbed.verification.solutions import solutions
+from testbed.verification.wording import wording
 
 OF_PAIRS = (
     registry.GRADIENT,
@@ -38,17 +41,33 @@ OF_PAIRS = (
 
 def verify(folder: Path) -> list[Finding]:
     """Check the run in `folder`; UserError if it cannot be read, lacks rows or is malformed."""
+    return check(folder).findings
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What was compared in a run folder, and what was not covered."""
+
+    findings: list[Finding]
+    uncovered: list[Uncovered]
+
+
+def check(folder: Path) -> Checked:
+    """As `verify`, with everything in the folder that no finding decided."""
     run = read(folder)
     try:
-        return list(_findings(run))
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        findings = list(_findings(run))
+        return Checked(findings, uncovered(run, findings))
+    except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
         raise UserError(f"{folder} is malformed: {type(error).__name__}: {error}") from None
 
 
 def _findings(run: Recorded) -> Iterator[Finding]:
     changed = ", ".join(run.changed)
     yield Finding("files", "as written", "changed" if changed else "as written", not changed, None, changed)
+    yield Finding("rows", f"{len(run.t)} instants", "all there", True)
     yield _entries(run)
+    yield from wording(run)
     flown = fly_on(run.scenario, Pose(run.position, run.vehicles["theta_rad"]), run.i, run.j)
     pairs = Pairs(run, flown) if flown is not None and run.i.size else None
     rows, paths = Rows.of(run, pairs), PathBounds.of(run)

@@ -7,18 +7,24 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.verification.finding import Finding
+from testbed.verification.air import all_gusts, wind
+from testbed.verification.finding import Finding, compared
 from testbed.verification.future import Pose, manoeuvre
+from testbed.verification.optimality import minimal
 from testbed.verification.pair_claims import Pairs, unicycle
 from testbed.verification.path_bounds import PathBounds, resolved
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.rows import Rows
 from testbed.verification.settings import arc, box, knows_itself, nominal, start
+from testbed.verification.telemetry import telemetry
 
 ROUNDING = 1e-6
 OVERRIDE = 1e-6
 # Of the second difference of velocities, what the mean of two may be off.
 BEND = 0.2
+# Of turn rates, beside what their changes around allow: an aircraft's shakes, more so in gusts [rad/s].
+TURN_RADPS = {False: 2e-3, True: 0.03}
+PER_GUST_RADPS = 0.03
 # Of a start: to rounding, and on an aircraft, whose place on the earth is an angle, a tenth of a millimetre.
 START = {False: 1e-9, True: 1e-4}
 
@@ -27,25 +33,20 @@ def columns(run: Recorded, paths: PathBounds, pairs: Pairs | None, rows: Rows) -
     yield _numbers(run)
     yield _end(run)
     if "plant" not in run.parts:
-        yield _start(run)
+        yield from _start(run)
     if len(run.t) > 1:
         yield _motion(run, paths)
+        yield _course(run)
+        if "plant" not in run.parts:
+            yield _plant(run)
     if not set(run.parts) & {"nominal", "disturbance"} and knows_itself(run.scenario):
         yield from _nominal(run)
-    yield _override(run)
+    yield from _override(run)
+    yield minimal(rows)
+    yield from wind(run)
+    yield from telemetry(run)
     if run.i.size:
         yield from _pairs(run, pairs, rows)
-
-
-def _compared(name: str, said: Array, own: Array, within: Array | float, why: str = "") -> Finding:
-    """A column of values that must be as we find them."""
-    off = np.abs(said - own)
-    good = off <= within
-    worst = float(np.nanmax(off, initial=0.0))
-    bad = int((~good).sum())
-    note = "" if not bad else f"{bad} of {said.size} values differ" + why
-    tight = float(np.max(within, initial=0.0))
-    return Finding(name, f"{said.size} values", f"off by {worst:.2g}", not bad, tight, note)
 
 
 def _numbers(run: Recorded) -> Finding:
@@ -82,12 +83,17 @@ def _end(run: Recorded) -> Finding:
     return Finding("end", said, f"{run.t[-1]:g} s recorded", not wrong, None, "; ".join(wrong))
 
 
-def _start(run: Recorded) -> Finding:
+def _start(run: Recorded) -> Iterator[Finding]:
+    """Where the vehicles begin, and how fast those fly that do not follow the first command at once."""
     due = start(run.scenario)
     position, theta = run.position[0], run.vehicles["theta_rad"][0]
     turned = np.abs(np.angle(np.exp(1j * (theta - due.theta))))
     off = np.maximum(np.linalg.norm(position - due.position, axis=-1), turned)
-    return _compared("start", np.zeros_like(off), off, START[run.scenario["plant"] == "jsbsim"])
+    aircraft = run.scenario["plant"] == "jsbsim"
+    yield compared("start", np.zeros_like(off), off, START[aircraft])
+    if run.scenario["plant"] != "unicycle":
+        speed = np.full(theta.shape, run.scenario["start"]["speed_mps"])
+        yield compared("start-speed", run.vehicles["v_mps"][0], speed, START[aircraft] * 10)
 
 
 def _motion(run: Recorded, paths: PathBounds) -> Finding:
@@ -98,12 +104,12 @@ def _motion(run: Recorded, paths: PathBounds) -> Finding:
         then = arc(Pose(position[:-1], theta[:-1]), run.command[:-1], dt)
         off = np.linalg.norm(position[1:] - then.position, axis=-1) + np.abs(theta[1:] - then.theta)
         off = off + np.abs(run.rates[1:] - run.command[:-1]).max(axis=-1)
-        return _compared("motion", np.zeros_like(off), off, 1e-9 * (1.0 + np.abs(position[1:]).max()))
+        return compared("motion", np.zeros_like(off), off, 1e-9 * (1.0 + np.abs(position[1:]).max()))
     velocity = run.velocity
     off = np.linalg.norm(
         np.diff(position, axis=0) - 0.5 * dt[..., None] * (velocity[:-1] + velocity[1:]), axis=-1
     )
-    return _compared("motion", np.zeros_like(off), off, _strays(run, paths, velocity, dt))
+    return compared("motion", np.zeros_like(off), off, _strays(run, paths, velocity, dt))
 
 
 def _strays(run: Recorded, paths: PathBounds, velocity: Array, dt: Array) -> Array:
@@ -135,44 +141,70 @@ def _nominal(run: Recorded) -> Iterator[Finding]:
         none = np.zeros((late // steps, *wanted.shape[1:]))
         wanted = np.concatenate([none, wanted])[: len(run.t)]
     said = run.channels("_nominal")
-    yield _compared("nominal", said, wanted, 1e-9 * (1.0 + np.abs(wanted)))
+    yield compared("nominal", said, wanted, 1e-9 * (1.0 + np.abs(wanted)))
 
 
-def _override(run: Recorded) -> Finding:
+def _override(run: Recorded) -> Iterator[Finding]:
     """The flag says whether the filter changed the command beyond what the limits force."""
     change = np.abs(run.command - np.clip(run.channels("_nominal"), *box(run.scenario))).max(axis=-1)
     said = run.vehicles["override"].astype(bool)
     wrong = (said != (change > OVERRIDE)) & (np.abs(change - OVERRIDE) > 1e-9)
     note = f"{int(wrong.sum())} flags differ" if wrong.any() else ""
-    if run.complete and "override_share" in run.manifest:
-        share = said.mean(axis=0)
-        if not np.allclose(share, run.manifest["override_share"], rtol=0.0, atol=1e-9):
-            note = note or "override_share of the manifest differs"
-    return Finding(
-        "override",
-        f"{int(said.sum())} flags",
-        f"{int((change > OVERRIDE).sum())} altered",
-        not note,
-        None,
-        note,
+    altered = f"{int((change > OVERRIDE).sum())} altered"
+    yield Finding("override", f"{int(said.sum())} flags", altered, not note, None, note)
+    if run.complete:
+        shares = np.asarray(run.manifest["override_share"], dtype=float)
+        yield compared("override_share", shares, said.mean(axis=0), 1e-9)
+
+
+def _course(run: Recorded) -> Finding:
+    """Turn rates are the rates at which courses turn, as far as both are resolved."""
+    theta, omega, dt = run.vehicles["theta_rad"], run.vehicles["omega_radps"], np.diff(run.t)[:, None]
+    turned = np.diff(theta, axis=0) / dt
+    if unicycle(run):
+        if run.complete:
+            return compared("course", omega[1:], turned, 1e-9 / dt + 1e-9 * np.abs(turned))
+        off = np.ptp(np.stack(box(run.scenario))[:, 1]) + np.zeros_like(turned)
+        return compared("course", 0.5 * (omega[1:] + omega[:-1]), turned, off)
+    change = np.abs(np.diff(omega, axis=0))
+    padded = np.concatenate([change[:1], change, change[-1:]])
+    around = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    if not resolved(run):
+        around = around + np.ptp(np.stack(box(run.scenario))[:, 1])
+    within = TURN_RADPS[run.scenario["plant"] == "jsbsim"] + PER_GUST_RADPS * all_gusts(run.scenario)
+    return compared("course", 0.5 * (omega[1:] + omega[:-1]), turned, around + within)
+
+
+def _plant(run: Recorded) -> Finding:
+    """A plant that is said to lag does not fly its commands at once."""
+    lagged = run.scenario["plant"] == "lagged"
+    exact = run.complete and bool(np.array_equal(run.rates[1:], run.command[:-1]))
+    steady = not np.any(np.diff(run.command, axis=0))
+    lags = run.scenario["lags"]
+    none = lags["source"] == "table" and not any(
+        lags[f"{c}_time_constant_s"] is None or lags[f"{c}_time_constant_s"] or lags[f"{c}_delay_s"]
+        for c in ("v", "omega", "zeta")
     )
+    wrong = lagged and exact and not steady and not none
+    why = "commands are flown at once" if wrong else ""
+    return Finding("plant", run.scenario["plant"], "at once" if exact else "late", not wrong, None, why)
 
 
 def _pairs(run: Recorded, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
     table = run.pairs
     distance = np.linalg.norm(run.position[:, run.i] - run.position[:, run.j], axis=-1)
-    yield _compared("distance_m", table["distance_m"], distance, ROUNDING)
+    yield compared("distance_m", table["distance_m"], distance, ROUNDING)
     if pairs is None:
         yield Finding(
             "h_m", f"{table['h_m'].size} values", "unknown", None, None, "a manoeuvre that we do not fly"
         )
         return
     now = pairs.now
-    yield _compared("h_m", table["h_m"], now.h, now.off + 1e-9)
+    yield compared("h_m", table["h_m"], now.h, now.off + 1e-9)
     u_i, u_j = run.command[:, run.i], run.command[:, run.j]
     predicted, off = now.hdot(u_i, u_j)
     # A kink's gradient is any of many.
-    yield _compared(
+    yield compared(
         "hdot_predicted", table["hdot_predicted_mps"], predicted, off + 1e-9 * (1.0 + np.abs(predicted))
     )
     yield _realised(run, pairs)
@@ -189,7 +221,7 @@ def _filters(run: Recorded, rows: Rows) -> Finding:
     if rows.own is None:
         why = rows.seen if isinstance(rows.seen, str) else "a manoeuvre that we do not fly"
         return Finding("h_filter_m", f"{said.size} values", "unknown", None, None, why)
-    return _compared("h_filter_m", said, rows.own.h, rows.own.off + 1e-9)
+    return compared("h_filter_m", said, rows.own.h, rows.own.off + 1e-9)
 
 
 def _realised(run: Recorded, pairs: Pairs) -> Finding:
@@ -201,7 +233,7 @@ def _realised(run: Recorded, pairs: Pairs) -> Finding:
         return Finding("hdot_realised", f"{said.size} values", "unknown", None, None, why)
     dt = run.scenario["rates"]["filter_dt_s"]
     own, off = (then.h - pairs.now.h[some]) / dt, (then.off + pairs.now.off[some] + 1e-9) / dt
-    return _compared("hdot_realised", said[some], own, off)
+    return compared("hdot_realised", said[some], own, off)
 
 
 def _residuals(run: Recorded, pairs: Pairs) -> Iterator[Finding]:
@@ -224,4 +256,4 @@ def _residuals(run: Recorded, pairs: Pairs) -> Iterator[Finding]:
         # The heading's change is a difference of recorded angles.
         turn = np.abs(pairs.now.lie[:, k, :-1]).sum(axis=0) * 1e-12 / dt
         said = run.pairs[f"residual_{name}_mps"][:-1]
-        yield _compared(f"residual_{name}", said, own, off + turn + 1e-9 * (1.0 + np.abs(own)))
+        yield compared(f"residual_{name}", said, own, off + turn + 1e-9 * (1.0 + np.abs(own)))

@@ -34,6 +34,17 @@ class Finding:
     why: str = ""
 
 
+def compared(name: str, said: Array, own: Array, within: Array | float, why: str = "") -> Finding:
+    """A column of values that must be as we find them."""
+    off = np.abs(said - own)
+    good = off <= within
+    worst = float(np.nanmax(off, initial=0.0))
+    bad = int((~good).sum())
+    note = "" if not bad else f"{bad} of {said.size} values differ" + why
+    tight = float(np.max(within, initial=0.0))
+    return Finding(name, f"{said.size} values", f"off by {worst:.2g}", not bad, tight, note)
+
+
 @dataclass(frozen=True)
 class Values:
     """The recorded values of a quantity whose least value an entry reports.
@@ -186,6 +197,9 @@ class Judge:
         """The finding, when everything was compared; `open_`: nothing speaks against it, nor decides it."""
         e = self.entry
         value = e["value"]
+        if value is None:
+            for name, none in (("bound", None), ("margin", None), ("t_s", None), ("vehicles", [])):
+                self.expect(name, e[name], none)
         said = e["verdict"] if value is None else f"{value:.6g}, {e['verdict']}"
         what = f"{e['number']} {e['id']}"
         if self.wrong:

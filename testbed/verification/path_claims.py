@@ -11,7 +11,7 @@ import numpy as np
 
 from testbed.claims import registry
 from testbed.records.verdict import Status
-from testbed.verification.finding import Finding, Judge, Values
+from testbed.verification.finding import Finding, Judge, Values, thin
 from testbed.verification.future import manoeuvre
 from testbed.verification.path_bounds import ROUNDING, PathBounds
 from testbed.verification.recorded import Array, Recorded
@@ -42,6 +42,7 @@ class PathClaims:
         ):
             if claim.id in self.run.guarantees:
                 yield look(Judge(self.run, self.run.guarantees[claim.id]))
+        yield self.added()
 
     def _separation(self, judge: Judge) -> Finding:
         run, paths, e = self.run, self.paths, judge.entry
@@ -138,10 +139,16 @@ class PathClaims:
         totals = change.sum(axis=(0, 1)) * self.s["rates"]["filter_dt_s"]
         for name, due in zip(("altered_v_m", "altered_omega_rad", "altered_zeta_m"), totals, strict=True):
             judge.expect_near(name, e["detail"].get(name), float(due), 1e-9 * max(1.0, due) + 1e-9)
-        open_ = not self.paths.whole
         if self.paths.whole:
             self._added(judge)
-        return judge.done(f"{share.max():.6g}", 1e-9, open_)
+        return judge.done(f"{share.max():.6g}", 1e-9)
+
+    def added(self) -> Finding:
+        """Whether path and time added were compared, with the claim that reports them."""
+        what = f"{self.s['vehicles']} vehicles"
+        if self.paths.whole:
+            return Finding("path-and-time", what, "with intervention", True)
+        return Finding("path-and-time", what, "unknown", None, None, thin(self.run))
 
     def _added(self, judge: Judge) -> None:
         """Path and time beyond the straight path at the nominal speed."""

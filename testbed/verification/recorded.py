@@ -25,7 +25,8 @@ class Recorded:
     vehicles   column -> (T, N)
     pairs      column -> (T, P), pairs in the order (1, 2), (1, 3), ... (N - 1, N)
     i, j       (P,) vehicles of each pair, from 0
-    changed    files whose checksum is not the manifest's, the manifest by its own
+    changed    files whose checksum is not the manifest's, manifest and timing by their own
+    timing     the wall time, which no verdict uses
     """
 
     manifest: dict[str, Any]
@@ -38,6 +39,7 @@ class Recorded:
     i: Array
     j: Array
     changed: list[str]
+    timing: dict[str, Any]
 
     @cached_property
     def guarantees(self) -> dict[str, dict[str, Any]]:
@@ -132,11 +134,14 @@ def read(folder: Path) -> Recorded:
         changed.append("manifest.json")
     if s.get("airframes_folder"):  # said from the run's folder
         s = s | {"airframes_folder": str(folder / s["airframes_folder"])}
-    return Recorded(manifest, s, ended, entries, t, vehicles, pairs, i, j, changed)
+    timing = _json(folder, "timing.json")
+    if timing.get("sha256") != _seal(timing):
+        changed.append("timing.json")
+    return Recorded(manifest, s, ended, entries, t, vehicles, pairs, i, j, changed, timing)
 
 
 def _seal(manifest: dict[str, Any]) -> str:
-    """Checksum of all that a manifest says beside it."""
+    """Checksum of all that a JSON file states beside it."""
     said = {key: value for key, value in manifest.items() if key != "sha256"}
     return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 

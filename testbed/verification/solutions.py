@@ -138,14 +138,22 @@ def _room_of_all(rows: Rows, k: int, vehicles: Array) -> float:
 
 def _room_of_one(rows: Rows, k: int, vehicle: int) -> float:
     """Of one vehicle's own halves at instant k."""
+    matrix, asked, _ = asked_of_one(rows, k, vehicle)
+    return _room(rows, matrix, asked)
+
+
+def asked_of_one(rows: Rows, k: int, vehicle: int) -> tuple[Array, Array, Array]:
+    """A vehicle's limited rows at instant k: matrix (R, 3), right-hand sides and their errors (R,)."""
     own, run = rows.own, rows.run
     assert own is not None
-    matrix, asked = [], []
+    _, off = rows.left
+    matrix, asked, wrong = [], [], []
     for side, of in enumerate((run.i, run.j)):
         use = np.flatnonzero(of == vehicle)
         matrix.append(own.lie[side][:, k, use].T)
         asked.append(_asked(rows, side)[k, use])
-    return _room(rows, np.concatenate(matrix), np.concatenate(asked))
+        wrong.append(off[k, use])
+    return np.concatenate(matrix), np.concatenate(asked), np.concatenate(wrong)
 
 
 def _room(rows: Rows, matrix: Array, asked: Array) -> float:

@@ -1,0 +1,187 @@
+"""The table of what checks each column and field of a run folder: findings by name, or the reason for none.
+
+A test compares it with everything that the writer of run folders knows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from testbed.claims import registry
+
+FLY = "only flying it again shows it"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What checks an item.
+
+    by         names of findings, any of which may decide it; "" stands for the claim's own. Empty: none does
+    otherwise  why it is not covered where none of them decides
+    always     whether every run has it
+    needs      a scenario field without which it has no effect that could be checked
+    """
+
+    by: tuple[str, ...]
+    otherwise: str = ""
+    always: bool = True
+    needs: str = ""
+
+
+def _by(*names: str, otherwise: str = "not checked in this run") -> Checked:
+    return Checked(names, otherwise)
+
+
+def _no(why: str) -> Checked:
+    return Checked((), why)
+
+
+def _sometimes(checked: Checked) -> Checked:
+    return replace(checked, always=False)
+
+
+_FLAG = _no("the autopilot's limiter is not modelled here")
+AIRCRAFT = {
+    "roll_rad": _by("roll_rad", "beta_rad"),
+    "pitch_rad": _by("alpha_rad"),
+    "heading_rad": _by("beta_rad"),
+    "alpha_rad": _by("alpha_rad"),
+    "beta_rad": _by("beta_rad"),
+    "airspeed_mps": _by("airspeed_mps"),
+    "throttle": _no("no formula gives the throttle"),
+    "load_factor": _by("load_factor"),
+    "limited_v": _FLAG,
+    "limited_omega": _FLAG,
+    "limited_zeta": _FLAG,
+}
+_WIND = _by("wind", "airspeed_mps")
+WIND = {"wind_east_mps": _WIND, "wind_north_mps": _WIND, "wind_up_mps": _WIND}
+VEHICLES = {
+    "t_s": _by("rows"),
+    "vehicle": _by("rows"),
+    "x_m": _by("motion"),
+    "y_m": _by("motion"),
+    "z_m": _by("motion"),
+    "theta_rad": _by("motion"),
+    "v_mps": _by("motion"),
+    "omega_radps": _by("course"),
+    "zeta_mps": _by("motion"),
+    "v_nominal_mps": _by("nominal", otherwise="what the controller saw is not recorded"),
+    "omega_nominal_radps": _by("nominal", otherwise="what the controller saw is not recorded"),
+    "zeta_nominal_mps": _by("nominal", otherwise="what the controller saw is not recorded"),
+    "v_command_mps": _by("minimal", otherwise="the rows of the filter are not known"),
+    "omega_command_radps": _by("minimal", otherwise="the rows of the filter are not known"),
+    "zeta_command_mps": _by("minimal", otherwise="the rows of the filter are not known"),
+    "override": _by("override"),
+    "qp_status": _by("qp_status"),
+    **{name: _sometimes(checked) for name, checked in (AIRCRAFT | WIND).items()},
+}
+PAIRS = {
+    "t_s": _by("rows"),
+    "i": _by("rows"),
+    "j": _by("rows"),
+    "distance_m": _by("distance_m"),
+    "h_m": _by("h_m"),
+    "h_filter_m": _by("h_filter_m"),
+    "hdot_predicted_mps": _by("hdot_predicted", otherwise="h is not known"),
+    "hdot_realised_mps": _by("hdot_realised", otherwise="h is not known"),
+    **{
+        f"residual_{name}_mps": _by(f"residual_{name}", otherwise="the steps that follow are not recorded")
+        for name in ("v", "omega", "zeta", "course")
+    },
+}
+MANIFEST = {
+    "schema_version": _by("manifest"),
+    "seed_streams": _by("manifest"),
+    "versions": _no("the record does not depend on names of packages"),
+    "airframes": _no("checksums of airframe files are compared when it is flown again"),
+    "ended_early": _by("end"),
+    "filter_steps": _by("end"),
+    "worst_qp_residual": _no(FLY),
+    "override_share": _by("override_share", otherwise="not every filter step was recorded"),
+    "qp_cost": _sometimes(_no("the solutions of the other QP are not recorded")),
+    "parts": _sometimes(_no("the user's own parts are named, not checked")),
+    "files": _by("files"),
+    "sha256": _by("files"),
+}
+TIMING = {"wall_s": _no("no two runs take the same time"), "sha256": _by("files")}
+_TEXT, _OWN = _by("texts"), _by("")
+# Fields of every claim but its detail.
+FIELDS = {
+    "id": _by("entries"),
+    "number": _TEXT,
+    "claim": _TEXT,
+    "source": _TEXT,
+    "quantity": _TEXT,
+    "unit": _TEXT,
+    "value": _OWN,
+    "bound": _OWN,
+    "margin": _OWN,
+    "t_s": _OWN,
+    "vehicles": _OWN,
+    "verdict": _OWN,
+    "why": _no("reasons in words are not checked"),
+}
+DETAILS = {
+    registry.SEPARATION.id: {"between_steps_m": _OWN},
+    registry.QP_FEASIBILITY.id: {"infeasible": _OWN, "iteration_limit": _OWN, "in_safe_set": _OWN},
+    registry.COMMAND_LIMITS.id: {
+        "achieved_v_mps": _OWN,
+        "achieved_omega_radps": _OWN,
+        "achieved_zeta_mps": _OWN,
+        "share_at_stop": _no("surfaces' stops are not known; the autopilot's flags and the throttle are"),
+    },
+    registry.GOAL.id: {"last_passed_s": _by("", otherwise="not every step was recorded")},
+    registry.INTERVENTION.id: {
+        **{name: _OWN for name in ("altered_v_m", "altered_omega_rad", "altered_zeta_m")},
+        **{name: _by("path-and-time") for name in ("path_added_m", "time_added_s")},
+    },
+    registry.MANOEUVRE_KEEPS_DS.id: {"branches": _OWN},
+}
+_FILTER = _by("h_filter_m", "solutions", otherwise="what the filter saw is not recorded")
+_LABEL = _no("a label")
+# By field, or by table ("wind.").
+SCENARIO = {
+    "schema_version": _by("manifest"),
+    "name": _LABEL,
+    "description": _LABEL,
+    "vehicles": _by("rows"),
+    "duration_s": _by("end"),
+    "seed": _no("only starts are drawn again"),
+    "plant": _by("plant"),
+    "airframes": _by("manifest", otherwise="no aircraft flies"),
+    "airframes_folder": _no("where the airframes were found"),
+    "d_safe_m": _by("h_m", "G1 separation"),
+    "goal_radius_m": _by("G7 goal"),
+    "rates.fdm_dt_s": _no("steps of the flight dynamics are not recorded"),
+    "rates.": _by("rows", "end"),
+    "limits.": _by("G5 command-limits"),
+    "start.speed_mps": _by("start-speed", otherwise="unicycles fly the first command at once"),
+    "start.": _by("start", otherwise="the plant was not the scenario's"),
+    "nominal.": _by("nominal", otherwise="what the controller saw is not recorded"),
+    "filter.solver": _no("solvers find the same solution"),
+    "filter.monitor": _by("entries"),
+    "filter.": _by("minimal", "qp_status"),
+    "barrier.gradient": _FILTER,
+    "barrier.gradient_step": _FILTER,
+    "barrier.": _by("h_m", otherwise="a manoeuvre that is not flown here"),
+    "alpha.": _by("G3 barrier-condition", otherwise="h is not known"),
+    "navigation.": _no("the navigation function is not computed again"),
+    "checks.": _by("G9 manoeuvre-keeps-Ds", "entries"),
+    "lags.": _no("lags are not computed again"),
+    **{
+        f"remedy.issf_{name}": replace(_FILTER, needs="remedy.issf_epsilon")
+        for name in ("v_mps", "omega_degps", "zeta_mps")
+    },
+    "remedy.": _FILTER,
+    "wind.": _by("wind", "columns"),
+    "gusts.intensity": _by("wind", otherwise="gusts are not computed again"),
+    "gusts.sigma_mps": _by("wind", otherwise="gusts are not computed again"),
+    "gusts.jsbsim_turbulence": _by("airspeed_mps", otherwise="JSBSim's gusts are not recorded"),
+    "gusts.": _no("gusts are not computed again"),
+    "sensing.drift_time_s": _no("errors of sensors are not recorded"),
+    "sensing.source": _no("errors of sensors are not recorded"),
+    "sensing.": _FILTER,
+    "network.stale": _no("what links delivered is not recorded"),
+    "network.": _by("h_filter_m", otherwise="what links delivered is not recorded"),
+}

@@ -1,0 +1,87 @@
+"""Compares the words of claims and manifest with those that are prescribed, and names what is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from testbed.claims import registry
+from testbed.claims.monitored import MONITORED
+from testbed.claims.registry import Claim
+from testbed.verification import coverage
+from testbed.verification.air import blows
+from testbed.verification.coverage_table import AIRCRAFT, WIND
+from testbed.verification.finding import Finding
+from testbed.verification.recorded import Recorded
+
+STREAMS = ["start", "plant", "gust", "noise", "network", "other"]
+WORDS = ("number", "claim", "source", "quantity", "unit")
+
+
+def wording(run: Recorded) -> Iterator[Finding]:
+    yield _texts(run)
+    yield _unknown(run)
+    yield _columns(run)
+    yield _manifest(run)
+
+
+def _texts(run: Recorded) -> Finding:
+    """Number, claim, source, quantity and unit of every entry are the registry's."""
+    known = registry.CLAIMS | {claim.id: claim for claim in MONITORED}
+    wrong = []
+    for e in run.entries:
+        claim = known.get(e["id"])
+        if claim is not None:
+            due = _words(claim, run.scenario)
+            wrong += [f"{name} of {e['id']} is {e[name]!r}" for name in WORDS if e[name] != due[name]]
+    return _listed("texts", f"{len(run.entries)} claims", "as registered", wrong)
+
+
+def _words(claim: Claim, s: dict[str, Any]) -> dict[str, str]:
+    return {
+        "number": claim.number,
+        "claim": claim.words(s["goal_radius_m"]),
+        "source": claim.source,
+        "quantity": claim.quantity,
+        "unit": claim.unit_of(s["barrier"]["form"]),
+    }
+
+
+def _unknown(run: Recorded) -> Finding:
+    """Nothing is recorded that this table does not know; nothing that every run has is missing."""
+    have = coverage.items(run)
+    odd = [f"{name} is unknown" for name in have if coverage.entry(name, run) is None]
+    odd += [f"{name} is missing" for name in coverage.required(run) if name not in have]
+    return _listed("fields", f"{len(have)} fields", "known", odd)
+
+
+def _columns(run: Recorded) -> Finding:
+    """An aircraft has its telemetry, air that moves its wind, and nobody else has either."""
+    s, wrong = run.scenario, []
+    if "plant" not in run.parts:
+        for name in AIRCRAFT:
+            if (name in run.vehicles) != (s["plant"] == "jsbsim"):
+                wrong.append(f"{name} is {'recorded' if name in run.vehicles else 'missing'}")
+    if "disturbance" not in run.parts:
+        for name in WIND:
+            if (name in run.vehicles) != blows(s):
+                wrong.append(f"{name} is {'recorded' if name in run.vehicles else 'missing'}")
+    return _listed("columns", f"{len(run.vehicles) + len(run.pairs)} columns", "as due", wrong)
+
+
+def _manifest(run: Recorded) -> Finding:
+    """Airframes are named where aircraft fly, random streams are the known ones."""
+    s, m = run.scenario, run.manifest
+    flown = s["plant"] == "jsbsim" and "plant" not in run.parts
+    due = {s["airframes"][k % len(s["airframes"])] for k in range(s["vehicles"])} if flown else set()
+    wrong = []
+    if flown and not due <= set(m["airframes"]):
+        wrong.append(f"airframes are {', '.join(sorted(m['airframes'])) or 'none'}")
+    if m["seed_streams"] != STREAMS:
+        wrong.append(f"seed_streams are {m['seed_streams']}")
+    return _listed("manifest", "as written", "as due", wrong)
+
+
+def _listed(what: str, said: str, own: str, wrong: list[str]) -> Finding:
+    found = f"{len(wrong)} differ" if wrong else own
+    return Finding(what, said, found, not wrong, None, "; ".join(wrong))
