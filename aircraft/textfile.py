@@ -63,7 +63,11 @@ def decode(content: bytes) -> str:
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         bad = content[error.start]
-        raise TextError(f"is not {encoding.upper()} text: byte 0x{bad:02x}; save it as UTF-8", line) from None
+        what = f"is not {encoding.upper()} text: byte 0x{bad:02x} in line {line}; save it as UTF-8"
+        raise TextError(what, line) from None
+    if "\0" in text:
+        line = text[: text.index("\0")].count("\n") + 1
+        raise TextError(f"is no text: a NUL in line {line}; remove it, or save the file as UTF-8", line)
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

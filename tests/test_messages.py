@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import os
 import subprocess
@@ -149,3 +150,35 @@ def test_an_airframe_that_is_nowhere_says_so(tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text(WING)
     with pytest.raises(UserError, match="my-wing"):
         testbed.run(load(tmp_path / "own.toml"))
+
+
+MARKED = codecs.BOM_UTF8.decode("utf-8")
+
+
+def test_campaigns_gains_and_airframes_with_a_byte_order_mark_are_read(project: Path) -> None:
+    from aircraft.airframe import load as airframe
+
+    (project / "own.toml").write_text(MARKED + WING)
+    (project / "camp.toml").write_text(CAMPAIGN, encoding="utf-16")
+    gains = 'base = "my-wing"\r\n[gains.turn]\r\nbandwidth_radps = 1.0\r\n'
+    (project / "slow.toml").write_text(MARKED + gains)
+    toml = project / "my-wing" / "airframe.toml"
+    toml.write_text(MARKED + toml.read_text())
+    campaign, folder = load_campaign(str(project / "camp.toml"))
+    assert base(campaign, folder).airframes == ["my-wing"]
+    assert airframe(project / "slow.toml").gains["turn"]["bandwidth_radps"] == 1.0
+
+
+def test_files_that_are_no_text_are_named_with_the_line(project: Path) -> None:
+    from aircraft.autopilots import gains
+
+    for name, read in (("camp.toml", load_campaign), ("slow.toml", lambda path: gains.read(Path(path)))):
+        (project / name).write_bytes(b'name = "c"\nscenario = "caf\xe9"\n')
+        with pytest.raises((UserError, ValueError), match=f"{name}: is not UTF-8 text: byte 0xe9 in line 2"):
+            read(str(project / name))
+
+
+def test_a_mistake_in_a_campaign_file_names_its_line(project: Path) -> None:
+    (project / "camp.toml").write_text(CAMPAIGN.replace("seeds = 2", "seeds = 0"))
+    with pytest.raises(UserError, match=r"camp.toml: seeds: .*greater.* \(line 3\)"):
+        load_campaign(str(project / "camp.toml"))

@@ -222,7 +222,7 @@ def read(source: str) -> str:
     except OSError as error:  # a name no file can have
         raise UserError(f"scenario file {short(source)}: {error.strerror}") from None
     except TextError as error:
-        raise UserError(Mistake(str(error), line=error.line), file=source) from None
+        raise UserError(str(error), file=source) from None
     raise UserError(f"unknown scenario {short(source)!r}; {nearest(source, builtin())}")
 
 
