@@ -17,7 +17,8 @@ class Plant(Protocol):
     step(command, wind, n)  fly `command` (N,) for n periods of `dt` in `wind` (N, 3) m/s (east, north, up:
                             the air's motion over the ground); returns positions (n, N, 3) m after each
     state()                 the pose now: course and east-north-up position, the truth
-    achieved()              ground speed, course rate and climb rate now, in the type they were asked in
+    achieved()              ground speed, course rate and climb rate now, in the type they were asked in; of
+                            aircraft the course rate as the autopilot measures it, see `JsbsimFleet.achieved`
     telemetry()             further recorded channels, name -> (N,); empty for kinematic plants
     faults()                per vehicle "" or what ended its flight: "stalled", "hit the ground", ...
     close()                 the flight is over: release what is held; may be called twice

@@ -18,6 +18,7 @@ from aircraft.autopilots import gains, remaking
 from aircraft.autopilots.freshness import stale_feedforward, stale_lags
 from aircraft.check.check import check
 from testbed.components import catalogue
+from testbed.regression.recording import record
 from testbed.scenario.scenario import load as load_scenario
 
 Call = Callable[..., int]
@@ -69,7 +70,7 @@ HARMLESS |= {
     "a tilted thruster of a microwatt": (
         "x8.xml",
         '<thruster file="direct">',
-        '<thruster file="direct"><orient unit="DEG"><roll> 0 </roll><pitch> 2 </pitch><yaw> 0 </yaw></orient>',
+        '<thruster file="direct"><orient unit="DEG"><roll>0</roll><pitch>2</pitch><yaw>0</yaw></orient>',
     ),
 }
 
@@ -149,6 +150,16 @@ def test_a_gains_file_makes_lags_stale_and_may_carry_its_own(tmp_path: Path) -> 
     )
     (found,) = catalogue.lags(s)[:1]
     assert found[1].time_constant_s == load("x8").identified.omega.time_constant_s
+
+
+def test_a_baseline_refuses_stale_numbers(folder: Path, tmp_path: Path) -> None:
+    settings = ["duration_s=0.1", f'airframes=["{folder}"]']
+    edit(folder / "airframe.toml", "bandwidth_radps = 9.5", "bandwidth_radps = 4.5")
+    with pytest.raises(testbed.UserError, match=f"testbed aircraft identify {folder}"):
+        record(tmp_path, "mine", source="paper-2-turn", overrides=settings)
+    edit(folder / "airframe.toml", "cl_0 = 0.114165", "cl_0 = 0.13")
+    with pytest.raises(testbed.UserError, match=f"testbed aircraft trim {folder}"):
+        record(tmp_path, "mine", source="paper-2-turn", overrides=settings)
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ def flown(airframe: Airframe) -> list[float]:
     """Ground speed, course rate and climb rate [m/s, rad/s, m/s] at five instants of a step in all three."""
     v, to = airframe.speeds.within(0.5), airframe.speeds.within(0.9)
     f = fly(airframe, v, (to, _TURN_RADPS, _CLIMB_MPS), _FLOWN_S)
-    rows = np.stack([f.v, f.omega, f.zeta], axis=1)[np.array(_INSTANTS) - 1]
+    rows = np.stack([f.v, f.omega_measured, f.zeta], axis=1)[np.array(_INSTANTS) - 1]
     return [round(x, _DECIMALS) for x in rows.ravel().tolist()]
 
 

@@ -50,9 +50,9 @@ def gain_faults(airframe: Airframe) -> list[GainFault]:
     unknown, faults = sorted(have - wanted), []
     for name in sorted(wanted - have):
         section, _, key = name.partition("_")
-        near = difflib.get_close_matches(name, unknown, 1, 0.8)
-        remedy = f"rename {near[0].partition('_')[2]} to {key}" if near else f"add {key} to [gains.{section}]"
-        faults.append(GainFault(f"{section}.{key}", "the autopilot needs this gain", remedy))
+        if not difflib.get_close_matches(name, unknown, 1, 0.8):  # or it is there under another name
+            remedy = f"add {key} to [gains.{section}]"
+            faults.append(GainFault(f"{section}.{key}", "the autopilot needs this gain", remedy))
     for name in unknown:
         section, _, key = name.partition("_")
         near = difflib.get_close_matches(name, sorted(wanted - have), 1, 0.8)
@@ -123,7 +123,9 @@ def on_top_of(base: Airframe, file: GainsFile) -> Airframe:
         raise ValueError(f"{file.path}: {error}") from None
     if faults := gain_faults(after):
         raise ValueError(f"{file.path}: gains.{faults[0]}")
-    lags = base.identified if file.identified is None else file.identified
+    lags = file.identified
+    if lags is None and after.gains == base.gains:  # those of the base are of other gains
+        lags = base.identified
     return after.model_copy(update={"identified": lags, "gains_file": file.path})
 
 

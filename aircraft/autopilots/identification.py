@@ -67,7 +67,9 @@ def identify(airframe: Airframe, channel: str) -> tuple[float, float, float, flo
     index, flights = CHANNELS.index(channel), steps(airframe.speeds)[channel]
     before = np.array([b for _, b, _ in flights], dtype=float)
     after = np.array([c[index] for _, _, c in flights], dtype=float)
-    flown = np.array([getattr(fly(airframe, v, c, _DURATION_S, DT_S), channel) for v, _, c in flights])
+    # Predictions begin from the rates that `Plant.achieved` gives: the lags are those of the same signal.
+    signal = {"omega": "omega_measured"}.get(channel, channel)
+    flown = np.array([getattr(fly(airframe, v, c, _DURATION_S, DT_S), signal) for v, _, c in flights])
     size = np.abs(after - before)[:, None]
 
     def misfit(logs: Array) -> float:

@@ -13,7 +13,7 @@ from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import linear_model
 from aircraft.autopilots.margins import Margins, margins, model_response
 from aircraft.autopilots.stability import unstable_modes
-from aircraft.autopilots.tuning import Flight, Score, fly, score
+from aircraft.autopilots.tuning import Flight, Score, course_rate, fly, score
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin, motions
 from aircraft.jsbsim.rest import Start
@@ -24,6 +24,7 @@ _NO_MARGINS = Margins(math.nan, math.nan, math.nan, math.nan)
 _FREQUENCY = np.geomspace(0.05, 600.0, 400)  # rad/s, where margins are looked for
 _TURBULENCE_W20_MPS = 15.43  # 30 knots at 20 ft: MIL-F-8785C's moderate
 _TURBULENCE_S = 60.0
+_DT_S = 0.005
 
 
 @dataclass(frozen=True)
@@ -175,20 +176,21 @@ def turbulence_rows(airframe: Airframe, v: float | None = None, seed: int = 1) -
     v  m/s, by default a third of the way up the airframe's speeds: 18 m/s for 15 to 25 m/s
     """
     v = airframe.speeds.within(0.3) if v is None else v
-    fdm = Fdm(airframe, 0.005, Origin())
+    fdm = Fdm(airframe, _DT_S, Origin())
     fdm.start(Start(0.0, 0.0, 0.0, 0.0, v))
     fdm.turbulence(_TURBULENCE_W20_MPS, 4, seed)
     names = [name for name in loops(airframe) if name != "throttle"]
     inputs = [fdm.node(loops(airframe)[name]) for name in names]
     shared = [fdm.node(loops(airframe)[name]) for name in ("elevator", "aileron")] if _mixed(airframe) else []
-    moves, largest = [], 0.0
-    for _ in range(round(_TURBULENCE_S / 0.005)):
+    moves, largest = [fdm.motion()], 0.0
+    for _ in range(round(_TURBULENCE_S / _DT_S)):
         fdm.run((0.0, 0.0, 0.0), 1)
         moves.append(fdm.motion())
         # Elevons carry the sum of two inputs.
         asked = [abs(n.get_double_value()) for n in inputs]
         largest = max(largest, *asked, sum(abs(n.get_double_value()) for n in shared))
-    _, rates = motions(moves, fdm.origin)
+    course, rates = motions(moves, fdm.origin)
+    rates = np.stack([rates[1:, 0], course_rate(course, _DT_S), rates[1:, 2]], axis=1)
     rms = np.sqrt(np.mean((rates - [v, 0.0, 0.0]) ** 2, axis=0))
     case = f"moderate turbulence, {_TURBULENCE_S:g} s at {v:g} m/s"
     values = {"surface_share": (largest, 1.0), "v_rms_mps": (rms[0], math.inf)}

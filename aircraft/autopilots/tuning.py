@@ -22,7 +22,8 @@ class Flight:
 
     t: Array  # s
     v: Array  # m/s
-    omega: Array  # rad/s
+    omega: Array  # rad/s, the true course rate: of the ground velocity's direction
+    omega_measured: Array  # rad/s, as the autopilot measures it and `Plant.achieved` gives it: low-passed
     zeta: Array  # m/s
     position: Array  # (T, 3) m, east-north-up about the start
     telemetry: dict[str, Array]
@@ -57,18 +58,25 @@ def fly(
     fdm = Fdm(airframe, dt, Origin())
     fdm.start(Start(0.0, 0.0, 0.0, 0.0, start_speed, wind=wind))
     fdm.command(*command)
-    track, moves, channels = [], [], []
+    track, moves, channels = [], [fdm.motion()], []
     for _ in range(round(duration / dt)):
         track += fdm.run(wind, 1)
         moves.append(fdm.motion())
         if telemetry:
             now = fdm.telemetry()
             channels.append([now[name] for name in telemetry])
-    _, rates = motions(moves, fdm.origin)
-    v, omega, zeta = rates.T
+    course, rates = motions(moves, fdm.origin)
+    v, measured, zeta = rates[1:].T
     kept = dict(zip(telemetry, np.array(channels).T, strict=True))
     t = dt * np.arange(1.0, len(v) + 1)
-    return Flight(t, v, omega, zeta, positions(track, fdm.origin), kept)
+    return Flight(t, v, course_rate(course, dt), measured, zeta, positions(track, fdm.origin), kept)
+
+
+def course_rate(course: Array, dt: float) -> Array:
+    """The course rate [rad/s], (T,), over each period of dt [s] between courses (T + 1,) [rad]."""
+    turned = np.diff(course)
+    rate: Array = (turned - 2 * np.pi * np.round(turned / (2 * np.pi))) / dt
+    return rate
 
 
 def score(t: Array, y: Array, before: float, after: float) -> Score:

@@ -187,7 +187,12 @@ class JsbsimFleet:
         return self._state
 
     def achieved(self) -> Command:
-        """Ground speed, course rate and climb rate (N,)."""
+        """Ground speed, course rate and climb rate (N,); the course rate as the autopilot measures it.
+
+        That is the true rate through a first-order low-pass of gain turn.filter_s, 20 ms on our airframes:
+        what an instrument on board gives, and what the identified lags are of. Steps of an autopilot are
+        scored on the true rate (`aircraft.autopilots.tuning.Flight.omega`).
+        """
         return self._achieved
 
     def telemetry(self) -> dict[str, Array]:

@@ -15,6 +15,7 @@ from testbed.errors import UserError
 from testbed.regression.baseline import Baseline, read, scenario_of
 from testbed.regression.judging import DEGRADED, Finding, findings
 from testbed.regression.recording import AIRCRAFT, UNICYCLE, Runs, fly_rungs
+from testbed.regression.staleness import refuse_stale
 from testbed.statistics import mean
 
 
@@ -69,13 +70,15 @@ def check(
     block      recorded blocks are compared run by run with what the same seeds gave; a later one is fresh
                and compared with all recorded runs
     overrides  FIELD=VALUE: what would become of the baseline with these changed
-    Raises     UserError if there is no such baseline, or its scenario changed
+    Raises     UserError if there is no such baseline, its scenario changed, or an airframe's derived numbers
+               are stale
     """
     if block < 1:
         raise UserError(f"--block {block}: blocks count from 1")
     b = read(where, name)
     s = scenario_of(b.source, [*b.overrides, *overrides], where) if overrides else b.scenario
     first = (block - 1) * b.seeds
+    refuse_stale(s)
     now = fly_rungs(s, b.rungs, range(first + 1, first + b.seeds + 1), workers)
     paired = block <= b.blocks
     recorded: Runs = b.runs

@@ -16,6 +16,7 @@ from testbed.errors import UserError, nearest
 from testbed.regression.baseline import Baseline, differences, parse_file, place, relative, scenario_of, write
 from testbed.regression.judging import findings
 from testbed.regression.quantities import fly, job, quantities
+from testbed.regression.staleness import refuse_stale
 from testbed.regression.tolerance import seeds_needed, tolerance
 from testbed.scenario.scenario import Scenario
 from testbed.studies.common.measure import Fields
@@ -106,6 +107,7 @@ def record(
         )
     if m < 2:
         raise UserError(f"--blocks {m}: give at least 2, the spread over seeds is estimated from them")
+    refuse_stale(s)
     runs = fly_rungs(s, chosen, range(1, n * m + 1), workers)
     tolerances = {
         rung: {q.name: tolerance(q, of[q.name], n) for q in quantities(s)} for rung, of in runs.items()
