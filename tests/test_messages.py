@@ -14,7 +14,7 @@ import pytest
 import testbed
 from testbed.campaigns.file import load as load_campaign
 from testbed.campaigns.plan import base, expand
-from testbed.errors import UserError
+from testbed.errors import NoteWarning, UserError
 from testbed.scenario.randomness import random_fields
 from testbed.scenario.scenario import load
 
@@ -182,3 +182,10 @@ def test_a_mistake_in_a_campaign_file_names_its_line(project: Path) -> None:
     (project / "camp.toml").write_text(CAMPAIGN.replace("seeds = 2", "seeds = 0"))
     with pytest.raises(UserError, match=r"camp.toml: seeds: .*greater.* \(line 3\)"):
         load_campaign(str(project / "camp.toml"))
+
+
+def test_another_plant_leaves_out_the_airframes_with_one_note(project: Path) -> None:
+    with pytest.warns(NoteWarning) as notes:
+        s = load(project / "own.toml", ["plant=unicycle"])
+    assert [str(n.message).split(": ")[1].split()[0] for n in notes] == ["airframes"]
+    assert (s.airframes, s.airframes_folder) == (["x8"], "")
