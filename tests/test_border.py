@@ -180,7 +180,7 @@ def test_a_command_that_is_no_number_violates_the_limits_at_that_step(number: fl
     run = flown(filter=changed(command=bad))
     limits = run.guarantee("command-limits")
     assert (limits["verdict"], limits["t_s"], limits["vehicles"]) == ("violated", pytest.approx(0.06), [2])
-    assert "command.v is" in ended(run) and ", vehicle 2, in step 3 at 0.080 s" in ended(run)
+    assert "command.v is" in ended(run) and ", vehicle 2, in step 3 at 0.060 s" in ended(run)
 
 
 def environment(wind: Callable[..., Any] | None = None, observe: Callable[..., Any] | None = None) -> Any:

@@ -7,7 +7,7 @@ from testbed.measures.run_statistics import RunStatistics
 from testbed.records.verdict import Verdict
 
 ROW_TOLERANCE_MPS = 1e-6
-NONE = "the filter is a user's own and declares no constraints"
+NONE = "it declares no constraints"
 OTHERS = "its own rows are satisfied, those of the scenario's barrier at the true state are not always"
 
 

@@ -16,7 +16,8 @@ from filters.qp.single import RESIDUAL, best_margin
 class DeclaredRows:
     """What was found of the declared rows over a run, whatever the filter says of them.
 
-    least       the smallest L_g h u - rhs of any row under the filter's commands; inf without rows
+    least       the smallest L_g h u - rhs of any row under the filter's commands; inf without rows, NaN once
+                there was one
     t, vehicles of that row: s, and from 0
     unsolvable  filter steps at which no input in U satisfies all rows, by a linear program; `first` s of them
     """
@@ -38,7 +39,7 @@ class DeclaredRows:
             slack = rows.left(u) - rows.rhs
             worst = int(np.argmin(slack))
             satisfied &= bool(slack[worst] >= -RESIDUAL)
-            if not slack[worst] >= self.least:
+            if not slack[worst] >= self.least and not np.isnan(self.least):
                 self.least, self.t = float(slack[worst]), t
                 self.vehicles = tuple(int(v[worst]) for v in rows.vehicles)
         # Inputs that satisfy all rows are a solution; otherwise there may be another one.
@@ -60,6 +61,6 @@ def _solvable(blocks: Sequence[Constraints], low: Array, high: Array) -> bool:
         return True
     try:
         margin, _ = best_margin(np.concatenate(matrices), np.concatenate(rhs), low.ravel(), high.ravel())
-    except RuntimeError:  # the program solver gave up: nothing is proved
+    except (RuntimeError, ValueError):  # the solver gave up, or a number is not finite: nothing is proved
         return False
     return margin >= -RESIDUAL

@@ -158,6 +158,11 @@ class RunStatistics:
         self.passed = np.where(arrived, t[np.argmax(inside, axis=0)], self.passed)
         self._last = track[-1].copy()
 
+    def refused(self, t: float, command: Array, limits: Limits) -> None:
+        """Take in a command (N, 3) at t [s] with NaN in it, which no plant was given."""
+        low, high = limits.corners
+        self.command_margin.update(t, np.minimum(command - low, high - command).min(axis=-1))
+
     def decided(
         self,
         t: Array,

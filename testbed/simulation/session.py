@@ -212,8 +212,11 @@ class Session:
                 decision = made.filter(now.view, wanted, self._setting.limits)
             else:
                 decision, self._unfiltered = _unfiltered(wanted), True
+            if filtered and made.refused:
+                self._statistics.refused(now.t, decision.command.array(), self._setting.limits)
+                raise made.refused
             declared = self._statistics.declared
-            if declared is not None and filtered and not made.refused:
+            if declared is not None and filtered:
                 declared.update(now.t, made.rows(now.view), decision.command.array())
             # The step before, if recorded, needs to know what came of it.
             recorded, before = step % self.scenario.rates.record_steps == 0, self._recorded
@@ -228,10 +231,7 @@ class Session:
             self._recorder.look()
         air = self._still if now.air is None else now.air
         self._buffer.add(now.t, now.state, now.rates, air, wanted, decision, true, recorded, telemetry)
-        if filtered and (breach := made.refused):
-            fault = termination.raised("deciding", breach, step)
-            self._end = termination.ended(fault, now.t + self.scenario.rates.filter_dt_s)
-        return self._end is None
+        return True
 
     def _stopped(self) -> Step:
         """The step at which a run ends early: where the vehicles were last."""

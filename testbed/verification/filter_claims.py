@@ -28,8 +28,21 @@ def filtering(rows: Rows) -> Iterator[Finding]:
             yield look(rows, Judge(rows.run, rows.run.guarantees[claim.id]))
 
 
+def _own_filter(judge: Judge, least: float) -> Finding:
+    """G4 or G6 of a user's own filter: its rows are not recorded, but value and verdict must fit."""
+    e = judge.entry
+    if e["value"] is not None:
+        judge.expect("bound", e["bound"], 0)
+        judge.expect("verdict", e["verdict"] == Status.VIOLATED, not e["margin"] >= least)
+    if e["verdict"] == Status.HOLDS:
+        judge.expect("verdict", e["verdict"], judge.verdict(e["value"] is not None))
+    return judge.done("not recorded", open_=True, why="the filter was not the scenario's")
+
+
 def _feasibility(rows: Rows, judge: Judge) -> Finding:
     run, e = rows.run, judge.entry
+    if "filter" in run.parts:
+        return _own_filter(judge, 0.0)
     if not rows.solves:
         return judge.nothing("no QP")
     status = run.vehicles["qp_status"]
@@ -66,6 +79,10 @@ def _safe(rows: Rows) -> tuple[Array, Array]:
 
 def _limits(rows: Rows, judge: Judge) -> Finding:
     run, e = rows.run, judge.entry
+    if e["value"] is None and e["verdict"] == Status.VIOLATED and "filter" in run.parts:
+        # A command that is not finite ended the run, at an instant that need not be recorded.
+        judge.expect("a command in what ended the run", ": command." in (run.ended or ""), True)
+        return judge.done("not finite", open_=True)
     share = inside(run.command, *box(rows.s))
     who = [[v + 1] for v in range(rows.s["vehicles"])]
     seen = Values.of(run.t, share, 1e-12, who, floor=None if run.complete else -np.inf)
@@ -92,6 +109,8 @@ def _stops(judge: Judge) -> None:
 
 def _satisfied(rows: Rows, judge: Judge) -> Finding:
     run = rows.run
+    if "filter" in run.parts:
+        return _own_filter(judge, -ROW_ALLOWED)
     if not rows.solves or not run.i.size:
         return judge.nothing("no rows")
     if rows.own is None:
