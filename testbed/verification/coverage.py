@@ -46,19 +46,12 @@ def uncovered(run: Recorded, findings: Iterable[Finding]) -> list[Uncovered]:
         if checked is None:
             continue  # named by the finding "fields"
         looked = [by[what] for what in checked.by if what in by]
-        if checked.needs and not _field(run.scenario, checked.needs):
-            left.append(Uncovered(name, f"it has no effect without {checked.needs}"))
+        if checked.needs is not None and not checked.needs(run):
+            left.append(Uncovered(name, "it had no effect on this run"))
             continue
         if not any(f.agrees is not None for f in looked):
             left.append(Uncovered(name, next((f.why for f in looked if f.why), "") or checked.otherwise))
     return left
-
-
-def _field(table: Any, path: str) -> Any:
-    """A field of nested tables by its dotted name; None where there is none."""
-    for key in path.split("."):
-        table = table.get(key) if isinstance(table, dict) else None
-    return table
 
 
 def items(run: Recorded) -> list[str]:

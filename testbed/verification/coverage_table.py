@@ -5,9 +5,15 @@ A test compares it with everything that the writer of run folders knows.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
 
 from testbed.claims import registry
+from testbed.verification.recorded import Recorded
+from testbed.verification.settings import box
 
 FLY = "only flying it again shows it"
 
@@ -19,13 +25,13 @@ class Checked:
     by         names of findings, any of which may decide it; "" stands for the claim's own. Empty: none does
     otherwise  why it is not covered where none of them decides
     always     whether every run has it
-    needs      a scenario field without which it has no effect that could be checked
+    needs      whether it had an effect on the run; None: it always has
     """
 
     by: tuple[str, ...]
     otherwise: str = ""
     always: bool = True
-    needs: str = ""
+    needs: Callable[[Recorded], bool] | None = None
 
 
 def _by(*names: str, otherwise: str = "not checked in this run") -> Checked:
@@ -138,6 +144,27 @@ DETAILS = {
     },
     registry.MANOEUVRE_KEEPS_DS.id: {"branches": _OWN},
 }
+
+
+def _reached(run: Recorded, name: str) -> bool:
+    """Whether a command was at that limit."""
+    channel = ("v", "omega", "zeta").index(name.partition("_")[0])
+    low, high = (corner[channel] for corner in box(run.scenario))
+    at_low, at_high = (np.any(np.abs(run.command[..., channel] - end) < 1e-9) for end in (low, high))
+    return bool(at_low if "min" in name else at_high if name.startswith("v") else at_low or at_high)
+
+
+def _altered(run: Recorded) -> bool:
+    """Whether the filter altered any command."""
+    return bool(run.vehicles["override"].any())
+
+
+def _scales(run: Recorded) -> bool:
+    """Whether the rows are raised by what the scales weigh."""
+    return run.scenario["remedy"]["issf_epsilon"] is not None
+
+
+_ROWS = _by("minimal", otherwise="what the filter saw is not recorded")
 _FILTER = _by("h_filter_m", "solutions", otherwise="what the filter saw is not recorded")
 _LABEL = _no("a label")
 # By field, or by table ("wind.").
@@ -155,13 +182,16 @@ SCENARIO = {
     "goal_radius_m": _by("G7 goal"),
     "rates.fdm_dt_s": _no("steps of the flight dynamics are not recorded"),
     "rates.": _by("rows", "end"),
-    "limits.": _by("G5 command-limits"),
+    **{
+        f"limits.{name}": replace(_by("minimal"), needs=partial(_reached, name=name))
+        for name in ("v_min_mps", "v_max_mps", "omega_max_degps", "zeta_max_mps")
+    },
     "start.speed_mps": _by("start-speed", otherwise="unicycles fly the first command at once"),
     "start.": _by("start", otherwise="the plant was not the scenario's"),
     "nominal.": _by("nominal", otherwise="what the controller saw is not recorded"),
     "filter.solver": _no("solvers find the same solution"),
     "filter.monitor": _by("entries"),
-    "filter.": _by("minimal", "qp_status"),
+    "filter.": replace(_ROWS, needs=_altered),
     "barrier.gradient": _FILTER,
     "barrier.gradient_step": _FILTER,
     "barrier.": _by("h_m", otherwise="a manoeuvre that is not flown here"),
@@ -170,8 +200,12 @@ SCENARIO = {
     "checks.": _by("G9 manoeuvre-keeps-Ds", "entries"),
     "lags.": _no("lags are not computed again"),
     **{
-        f"remedy.issf_{name}": replace(_FILTER, needs="remedy.issf_epsilon")
+        f"remedy.issf_{name}": replace(_ROWS, needs=lambda run: bool(_scales(run) and _altered(run)))
         for name in ("v_mps", "omega_degps", "zeta_mps")
+    },
+    **{
+        f"remedy.{name}": replace(_ROWS, needs=_altered)
+        for name in ("issf_epsilon", "robust_v_mps", "robust_omega_degps", "robust_zeta_mps")
     },
     "remedy.": _FILTER,
     "wind.": _by("wind", "columns"),

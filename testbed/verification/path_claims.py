@@ -126,6 +126,8 @@ class PathClaims:
     def _intervention(self, judge: Judge) -> Finding:
         run, e = self.run, judge.entry
         judge.expect("verdict", e["verdict"], Status.NOT_APPLICABLE)
+        for name in ("bound", "margin", "t_s"):
+            judge.expect(name, e[name], None)
         low, high = box(self.s)
         wanted = np.clip(run.channels("_nominal"), low, high)
         change = np.abs(run.command - wanted)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from testbed.claims import registry
@@ -14,6 +15,7 @@ from testbed.verification.coverage_table import AIRCRAFT, WIND
 from testbed.verification.finding import Finding
 from testbed.verification.recorded import Recorded
 
+RUN_SCHEMA = 1
 STREAMS = ["start", "plant", "gust", "noise", "network", "other"]
 WORDS = ("number", "claim", "source", "quantity", "unit")
 
@@ -70,16 +72,28 @@ def _columns(run: Recorded) -> Finding:
 
 
 def _manifest(run: Recorded) -> Finding:
-    """Airframes are named where aircraft fly, random streams are the known ones."""
-    s, m = run.scenario, run.manifest
-    flown = s["plant"] == "jsbsim" and "plant" not in run.parts
-    due = {s["airframes"][k % len(s["airframes"])] for k in range(s["vehicles"])} if flown else set()
-    wrong = []
-    if flown and not due <= set(m["airframes"]):
-        wrong.append(f"airframes are {', '.join(sorted(m['airframes'])) or 'none'}")
+    """Airframes are those of the scenario, schema and random streams the known ones."""
+    s, m, wrong = run.scenario, run.manifest, []
+    if s["plant"] == "jsbsim" and "plant" not in run.parts:
+        due = {s["airframes"][k % len(s["airframes"])] for k in range(s["vehicles"])}
+        if not _called(due, set(m["airframes"])):
+            wrong.append(f"airframes are {', '.join(sorted(m['airframes'])) or 'none'}")
+    if m["schema_version"] != RUN_SCHEMA:
+        wrong.append(f"schema_version is {m['schema_version']}")
     if m["seed_streams"] != STREAMS:
         wrong.append(f"seed_streams are {m['seed_streams']}")
     return _listed("manifest", "as written", "as due", wrong)
+
+
+def _called(due: set[str], named: set[str]) -> bool:
+    """Whether airframes have these names: a folder's last part, or one that ends with the gains' file."""
+
+    def same(given: str, name: str) -> bool:
+        path = Path(given)
+        return name in (given, path.name) or (path.suffix == ".toml" and name.endswith(f"+{path.stem}"))
+
+    every = all(any(same(given, name) for name in named) for given in due)
+    return every and all(any(same(given, name) for given in due) for name in named)
 
 
 def _listed(what: str, said: str, own: str, wrong: list[str]) -> Finding:
