@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import re
@@ -9,24 +10,30 @@ import shutil
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
 from aircraft.kinematic import KinematicFleet
+from filters.cbf.collision import Passthrough
 from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
 from testbed.components.components import Parts
 from testbed.errors import UserError
+from testbed.export import acmi, csv
+from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.store import load as load_run
 from testbed.records.verdict import Status
-from testbed.report import blocks, page, playback, run_part, scorecard
+from testbed.report import blocks, figures, ledger_figures, page, playback, run_part, scorecard
 from testbed.report.blocks import Part, Section, Table
-from testbed.report.style import style
-from testbed.scenario.scenario import load
+from testbed.report.style import STYLES, drawing, nth, styles
+from testbed.report.tables import scorecard as scorecard_table
+from testbed.scenario.scenario import Scenario, load
 from testbed.simulation.simulate import run
 from testbed.studies.comparison.comparison import compare
 from testbed.studies.pages import KINDS
@@ -248,7 +255,7 @@ def fact(value: float | None, verdict: str) -> scorecard.Fact:
     said = SEPARATION.unjudged("root", 20.0).but(
         value=value, bound=5.0, instant=1.0, vehicles=(1, 2), status=Status(verdict), why="nobody"
     )
-    return scorecard.fact(verdict, Run({"ended_early": None}, [said], {}))
+    return scorecard.fact(verdict, Run({"ended_early": None}, [said], {}), "")
 
 
 def test_the_headline_never_hides_a_loss() -> None:
@@ -270,8 +277,14 @@ def test_the_headline_never_hides_a_loss() -> None:
 
 
 def test_names_nobody_planned_for_keep_their_look() -> None:
-    assert style("glider") == style("glider") and style("glider")["linestyle"] != "-"
-    assert style("unicycle") != style("jsbsim")
+    for many in (1, 8, 60, 300):
+        names = ["unicycle", "x8", "jsbsim", *(f"mine {k}" for k in range(many))]
+        looks = [tuple(map(str, look.values())) for look in styles(names).values()]
+        assert len(set(looks)) == len(names)
+    few = styles(["jsbsim", "glider", "kite", "balloon"])
+    assert len({look["color"] for look in few.values()}) == 4
+    assert styles(["glider"]) == styles(["glider"]) and few["jsbsim"] == STYLES["jsbsim"]
+    assert len({tuple(map(str, nth(k).values())) for k in range(400)}) == 400
 
 
 # -- studies
@@ -459,3 +472,79 @@ def test_a_datasheet_is_a_page_already(tmp_path: Path) -> None:
     (tmp_path / "datasheet.json").write_text("{}")
     with pytest.raises(UserError, match="is a datasheet, a page already"):
         page.part(tmp_path, "x")
+
+
+class MyFilter(Passthrough):
+    """A filter of the user's own."""
+
+
+class MyPlant(KinematicFleet):
+    """A plant of the user's own."""
+
+
+def test_parts_of_ones_own_are_named_with_their_checksum_everywhere(tmp_path: Path) -> None:
+    mine = Parts(filter=named_filter, plant=named_plant)
+    done = run(load("paper-2-turn", SHORT), tmp_path / "r", force=True, parts=mine)
+    sha = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]
+    page.write([tmp_path / "r"], tmp_path / "page.html")
+    csv.write(done, make_folder(tmp_path / "csv"))
+    acmi.write(done, tmp_path / "r.txt.acmi")
+    console = Console(width=300)
+    with console.capture() as shown:
+        console.print(scorecard_table({"unicycle": done}, "title"))
+    texts = {
+        "page": Seen((tmp_path / "page.html").read_text(encoding="utf-8")).words,
+        "page of the export": Seen(page.page([page.part(tmp_path / "csv", "csv", KINDS)])).words,
+        "recording": (tmp_path / "r.txt.acmi").read_text(encoding="utf-8"),
+        "terminal": shown.get(),
+    }
+    for where, text in texts.items():
+        for word in ("named_filter", "named_plant", sha):
+            assert word in text, f"{where} does not name {word}"
+    assert "filter centralised" not in texts["page"]
+
+
+def named_filter(s: Scenario, barrier: Any, goal: Any) -> MyFilter:
+    return MyFilter()
+
+
+def named_plant(s: Scenario, wind: Any) -> MyPlant:
+    return MyPlant(s.vehicles, s.rates.fdm_dt_s)
+
+
+def make_folder(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+def test_the_ledger_is_neither_joined_nor_shaded_across_omitted_rows() -> None:
+    t = np.arange(8.0)
+    h = np.array([3.0, -1.0, -2.0, 50.0, -3.0, 40.0, 4.0, 5.0])
+    columns = {"t_s": t, "i": 1, "j": 2, "h_m": h, "hdot_realised_mps": -h, "hdot_predicted_mps": 0.0}
+    pairs = pd.DataFrame(columns | {f"residual_{c}_mps": -h / 4 for c in hdot_ledger.CHANNELS})
+    run = Run(
+        {"scenario": {"vehicles": 2}, "files": {"pairs.parquet": ""}}, [], {}, reader=lambda name: pairs
+    )
+    rows = ledger_figures.with_gaps(run, 1, 2, near_h_m=10.0)
+    # the rows of h 50 and 40 are omitted, and stand as gaps between the others
+    assert rows.t_s.tolist() == t.tolist()
+    assert np.isnan(rows.hdot_realised_mps).tolist() == [k in (3, 5) for k in range(8)]
+    assert ledger_figures.spans(t, (rows.h_m < 0).to_numpy()) == [(0.5, 2.5), (3.5, 4.5)]
+    assert ledger_figures.spans(t, t > 5.5) == [(5.5, 7.0)]
+
+
+def test_a_legend_states_the_distance_that_was_judged(tmp_path: Path) -> None:
+    """Recorded once a second, two vehicles that pass in between come closer than any row shows."""
+    fields = [
+        "filter.kind=none",
+        "record_dt_s=1",
+        "filter_dt_s=0.05",
+        "manoeuvre_instants=0",
+        "duration_s=12",
+    ]
+    done = run(load("paper-2-turn", [*fields, "lateral_offsets_m=[4, 4]", "d_safe_m=1"]), force=True)
+    judged = done.guarantee("separation").value
+    assert done.pairs.distance_m.min() > judged + 0.05
+    with drawing():
+        distance = figures.panels({"unicycle": done}).axes[2]
+        assert distance.get_legend().get_texts()[0].get_text() == f"unicycle, least {judged:.2f} m"

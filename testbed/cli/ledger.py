@@ -80,7 +80,8 @@ def _write(flown: Run, data: dict, where: Path, overwrite: bool) -> None:  # typ
         worst = [w | {"vehicles": "-".join(map(str, w["vehicles"]))} for w in data["worst"]]
         pd.DataFrame(worst).to_csv(folder / "worst.csv", index=False)
         with drawing():
-            figure = draw({flown.manifest["scenario"]["plant"]: flown}, data["near_h_m"])
+            plant = flown.part("plant") or flown.manifest["scenario"]["plant"]
+            figure = draw({plant: flown}, data["near_h_m"])
             assert figure is not None
             save(figure, folder, "ledger")
         write_json(folder / "ledger.json", data | {"run": flown.manifest})

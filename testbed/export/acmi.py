@@ -18,6 +18,7 @@ from aircraft.jsbsim.geodesy import Origin
 from testbed.export.events import Event, events
 from testbed.records.run import Run
 from testbed.records.verdict import Kind
+from testbed.report import own_parts
 from testbed.report.tables import number
 
 HEADER = "FileType=text/acmi/tacview\nFileVersion=2.2\n"
@@ -64,7 +65,8 @@ def escaped(text: str) -> str:
 
 def _globals(run: Run) -> Iterator[str]:
     s, origin = run.manifest["scenario"], Origin()
-    title = f"{s['name']} on {run.part('plant') or s['plant']}"
+    title = f"{s['name']} on {own_parts.named(run, 'plant', s['plant'])}"
+    own = own_parts.sentence(run.manifest)
     verdicts = [
         f"{v.id}: {v.status}" + ("" if v.value is None else f", {number(v.value)} {v.unit}".rstrip())
         for v in run.guarantees
@@ -77,7 +79,7 @@ def _globals(run: Run) -> Iterator[str]:
         "DataSource": f"cbf-jsbsim-testbed {run.manifest['versions']['cbf-jsbsim-testbed']}",
         "DataRecorder": "testbed export",
         "Title": title,
-        "Comments": "\n".join(([s["description"]] if s["description"] else []) + verdicts),
+        "Comments": "\n".join([*(line for line in (s["description"], own) if line), *verdicts]),
     }
     yield from (f"0,{name}={escaped(value)}" for name, value in said.items())
 
@@ -109,6 +111,8 @@ def _recorded(run: Run) -> Iterator[tuple[float, list[str]]]:
     """Time and lines of each recorded instant."""
     s = run.manifest["scenario"]
     names = s["airframes"] if s["plant"] == "jsbsim" else [s["plant"]]
+    if (plant := run.part("plant")) is not None:
+        names = [plant]
     shown: dict[int, dict[str, str]] = {}
     worst = _worst_pairs(run.pairs, s["d_safe_m"])
     origin = Origin()

@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aircraft.autopilots.identification import model
-from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, ORANGE, PAGE, PURPLE, SKY, VERMILION, limits
+from testbed.report.style import BLUE, GREEN, LIMIT, PAGE, VERMILION, limits, nth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from aircraft.datasheets.datasheet import Datasheet, Loop
-
-SERIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-")
 
 
 def _sheet(rows: int, columns: int, height: float) -> tuple[Figure, np.ndarray]:
@@ -34,7 +31,7 @@ def trim(sheet: Datasheet) -> Figure:
     for k, (zeta, omega) in enumerate(cases):
         rows = [r for r in sheet.trims if (r["zeta_mps"], round(r["omega_degps"], 1)) == (zeta, omega)]
         name = f"turn {omega:g} deg/s" if omega else f"climb {zeta:+g} m/s" if zeta else "level"
-        look = {"color": SERIES[k], "linestyle": DASHES[k], "marker": "o", "markersize": 2.5}
+        look = nth(k) | {"marker": "o", "markersize": 2.5}
         v = [r["v_mps"] for r in rows]
         for axes, key, scale in (
             (alpha, "alpha_deg", 1.0),
@@ -88,16 +85,17 @@ def modes(sheet: Datasheet) -> Figure:
     names = list(dict.fromkeys(m.name for listed in sheet.modes.values() for m in listed))
     for axes in (wide, near):
         for k, name in enumerate(names):
-            for size, listed in zip(range(2, 9), sheet.modes.values(), strict=False):
+            sizes = np.linspace(2.0, 8.0, len(sheet.modes))
+            for size, listed in zip(sizes, sheet.modes.values(), strict=True):
                 values = [m.eigenvalue for m in listed if m.name == name]
                 axes.plot(
                     [x.real for x in values],
                     [x.imag for x in values],
                     "o",
-                    color=SERIES[k],
+                    color=nth(k)["color"],
                     markersize=size,
                     markerfacecolor="none",
-                    label=name if size == 4 else None,
+                    label=name if size == sizes[len(sizes) // 2] else None,
                 )
         axes.axvline(0.0, **LIMIT)
         axes.set(xlabel="real [1/s]", ylabel="imaginary [1/s]")
@@ -113,7 +111,7 @@ def loops(sheet: Datasheet) -> Figure:
     figure, axes = _sheet(2, len(names), 4.4)
     for k, name in enumerate(names):
         for s, loop in enumerate(x for x in sheet.loops if x.name == name):
-            _bode(axes[0, k], axes[1, k], loop, SERIES[s % len(SERIES)])
+            _bode(axes[0, k], axes[1, k], loop, nth(s)["color"])
         axes[0, k].set(title=name, ylim=(-60, 45))
         axes[1, k].set(xlabel="frequency [rad/s]", ylim=(-360, 180), yticks=range(-360, 181, 90))
         axes[0, k].axhline(0.0, **LIMIT)
@@ -151,7 +149,7 @@ def steps(sheet: Datasheet) -> Figure:
             share = (getattr(f, channel) - before) / (after - before)
             name = f"{before:g} to {after:g} m/s" if group == "speed" else f"{step.start:g} m/s"
             name = f"{after:g} m/s at {step.start:g} m/s" if group == "climb" else name
-            axes_.plot(f.t, share, color=SERIES[k], linestyle=DASHES[k], label=name)
+            axes_.plot(f.t, share, label=name, **nth(k))
         axes_.set(
             title=channel, xlim=(0, 4), ylim=(-0.05, 1.15), xlabel="time [s]", ylabel="share of the step"
         )
@@ -164,7 +162,7 @@ def steps(sheet: Datasheet) -> Figure:
             before, after = (step.start, 0.0, 0.0)[index], step.command[index]
             share = (getattr(f, channel) - before) / (after - before)
             label = {"label": channel} if k == 0 else {}
-            last.plot(f.t, share, color=SERIES[k], linestyle=dash, **label)
+            last.plot(f.t, share, color=nth(k)["color"], linestyle=dash, **label)
     last.set(
         title="all three at once, from 16, 18 and 20 m/s", xlim=(0, 6), ylim=(-0.1, 1.2), xlabel="time [s]"
     )

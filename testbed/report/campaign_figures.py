@@ -13,17 +13,23 @@ from testbed.report.style import BLACK, BLUE, LIMIT, PAGE, VERMILION
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Marks of single runs in one cell: more make a blot, so a larger cell shows evenly spaced ranks.
+# Marks of single runs in one cell: more would overlap, so a larger cell shows evenly spaced ranks.
 MOST_MARKS = 400
 
 
 def cells(
-    rows: Sequence[Mapping[str, Any]], values: Sequence[np.ndarray], bound: float | None, guarantee: str
+    rows: Sequence[Mapping[str, Any]],
+    values: Sequence[np.ndarray],
+    lost: Sequence[np.ndarray],
+    bound: float | None,
+    guarantee: str,
 ) -> Figure:
     """Left the share of runs lost with its interval, right every run's value with the median.
 
     rows    a campaign's summary, a row per cell
     values  of each cell (runs,)
+    lost    of each cell (runs,), whether the run's verdict is anything but "holds"
+    bound   that all runs share; None draws no line
     """
     from matplotlib import pyplot as plt
 
@@ -38,19 +44,21 @@ def cells(
     left.errorbar(share, y, xerr=away, fmt="o", ms=3.5, color=VERMILION, capsize=2)
     left.set(xlabel=f"runs that lose {guarantee} [%]", xlim=(-3, 103), ylim=(-0.6, len(rows) - 0.4))
     left.set_yticks(y, names)
-    for k, of in zip(y, values, strict=True):
-        ranked = np.sort(of)
-        shown = ranked[np.unique(np.linspace(0, len(ranked) - 1, MOST_MARKS).astype(int))] if len(of) else of
+    for k, of, without in zip(y, values, lost, strict=True):
+        rank = np.argsort(of, kind="stable")
+        if len(of):
+            rank = rank[np.unique(np.linspace(0, len(rank) - 1, MOST_MARKS).astype(int))]
+        shown, crossed = of[rank], without[rank]
         # Neighbours in rank at different heights, so that equal values do not hide each other.
         offset = 0.3 * (np.arange(len(shown)) * 0.618 % 1.0 - 0.5)
-        lost = shown < bound if bound is not None else np.zeros(len(shown), bool)
-        right.plot(shown[~lost], k + offset[~lost], "o", ms=2, color=BLUE, alpha=0.5)
-        right.plot(shown[lost], k + offset[lost], "x", ms=3, color=VERMILION)
+        right.plot(shown[~crossed], k + offset[~crossed], "o", ms=2, color=BLUE, alpha=0.5)
+        right.plot(shown[crossed], k + offset[crossed], "x", ms=3, color=VERMILION)
         if len(of):
             right.plot(np.median(of), k, "|", ms=14, mew=2, color=BLACK)
     if bound is not None:
         right.axvline(bound, **LIMIT)
-    right.set_xlabel(
-        "least distance [m] (dotted: Ds)" if guarantee == SEPARATION.id else f"value of {guarantee}"
-    )
+    if guarantee == SEPARATION.id:
+        right.set_xlabel("least distance [m]" + ("" if bound is None else " (dotted: Ds)"))
+    else:
+        right.set_xlabel(f"value of {guarantee}")
     return figure

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from testbed.campaigns.distinct import counted
 from testbed.campaigns.folder import MANIFEST, RUNS, SUMMARY
 from testbed.campaigns.identity import changed_airframes
-from testbed.claims.registry import SEPARATION
+from testbed.claims.registry import GOAL, MANOEUVRE_KEEPS_DS, SEPARATION
+from testbed.records.verdict import Status
 from testbed.report import embed, settings
 from testbed.report.blocks import KEPT, LOST, OPEN, Block, Fact, Part, Picture, Section, Table, download
 from testbed.report.style import drawing
@@ -129,21 +130,37 @@ def _picture(
 ) -> Picture:
     from testbed.report.campaign_figures import cells as draw
 
-    column = f"{guarantee.replace('-', '_')}_value"
-    values = [_of_cell(runs, c)[column].dropna().to_numpy(dtype=float) for c in cells]
-    base = _base(manifest) or {}
-    bound = base.get("d_safe_m") if guarantee == SEPARATION.id else 0.0
+    name = guarantee.replace("-", "_")
+    judged = [_of_cell(runs, c).dropna(subset=[f"{name}_value"]) for c in cells]
+    values = [of[f"{name}_value"].to_numpy(dtype=float) for of in judged]
+    lost = [(of[f"{name}_verdict"] != Status.HOLDS.value).to_numpy() for of in judged]
     with drawing():
-        svg = embed.markup(draw(cells, values, bound, guarantee))
+        svg = embed.markup(draw(cells, values, lost, _bound(guarantee, manifest, runs), guarantee))
     least = "; ".join(f"{c['cell']}: {c['lost']} of {c['runs']} lost" for c in cells[:MOST_FACTS])
     return Picture(
         name="cells",
         caption=f"Left the share of runs that lose {guarantee}, with its interval; right every run's value,"
-        " the median a bar, the bound dotted.",
+        " crossed where it lost; the median a bar, a bound common to all dotted.",
         alt=f"Cell by cell: {least}.",
         svg=svg,
         downloads=download("every run (CSV)", "runs.csv", runs),
     )
+
+
+def _bound(guarantee: str, manifest: Mapping[str, Any], runs: pd.DataFrame) -> float | None:
+    """The bound that all runs are judged by; None where it differs between them."""
+    field = {SEPARATION.id: "d_safe_m", MANOEUVRE_KEEPS_DS.id: "d_safe_m", GOAL.id: "goal_radius_m"}.get(
+        guarantee
+    )
+    if field is None:
+        return 0.0
+    base = _base(manifest) or {}
+    return None if field in runs or _varied(manifest, field) else base.get(field)
+
+
+def _varied(manifest: Mapping[str, Any], field: str) -> bool:
+    """Whether a variant sets the field: then it is no column of its own."""
+    return any(field in fields for fields in manifest["campaign"].get("variants", {}).values())
 
 
 def _of_cell(runs: pd.DataFrame, cell: Mapping[str, Any]) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import numpy as np
 from testbed.claims.registry import SEPARATION
 from testbed.records.run import Run
 from testbed.report.ledger_figures import ledger
-from testbed.report.style import LIMIT, PAGE, drawing, limits, log_distance, save, separation, style
+from testbed.report.style import LIMIT, PAGE, drawing, limits, log_distance, save, separation, styles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +24,7 @@ def compare(runs: Mapping[str, Run], folder: Path) -> list[Path]:
         figures = {"panels": panels(runs)}
         flown = {name: run for name, run in runs.items() if "roll_rad" in run.vehicles}
         if flown:
-            figures["aircraft"] = aircraft(flown)
+            figures["aircraft"] = aircraft(flown, styles(runs))
         if (drawn := ledger(runs)) is not None:
             figures["ledger"] = drawn
         files = []
@@ -46,8 +46,9 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     (speed, turn), (distance, path) = axes
     scenario = next(iter(runs.values())).manifest["scenario"]
     box = scenario["limits"]
+    looks = styles(runs)
     for name, run in runs.items():
-        rows, look = one(run), style(name)
+        rows, look = one(run), looks[name]
         thin = look | {"linewidth": 0.6, "alpha": 0.7, "linestyle": "-"}
         speed.plot(rows.t_s, rows.v_command_mps, **thin)
         speed.plot(rows.t_s, rows.v_mps, label=name, **look)
@@ -55,7 +56,7 @@ def panels(runs: Mapping[str, Run]) -> Figure:
         turn.plot(rows.t_s, np.degrees(rows.omega_radps), label=name, **look)
         if len(run.pairs):
             smallest = run.pairs.groupby("t_s").distance_m.min()
-            distance.plot(smallest.index, smallest, label=f"{name}, least {smallest.min():.2f} m", **look)
+            distance.plot(smallest.index, smallest, label=_with_least(name, run), **look)
         for vehicle in sorted(run.vehicles.vehicle.unique()):
             rows = one(run, vehicle)
             path.plot(rows.x_m, rows.y_m, **look, label=name if vehicle == 1 else None, alpha=0.85)
@@ -80,18 +81,27 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     return figure
 
 
+def _with_least(name: str, run: Run) -> str:
+    """A label with the least distance that was judged: at every step, not only at the recorded ones."""
+    least = run.guarantee(SEPARATION.id).value
+    return name if least is None else f"{name}, least {least:.2f} m"
+
+
 def lead(run: Run) -> int:
     """The vehicle worth a closer look: the first of the pair that came closest."""
     return int(next(iter(run.guarantee(SEPARATION.id)["vehicles"]), 1))
 
 
-def aircraft(runs: Mapping[str, Run]) -> Figure:
-    """Of each aircraft run a vehicle of the closest pair: bank, sideslip, achieved minus commanded."""
+def aircraft(runs: Mapping[str, Run], looks: Mapping[str, dict[str, Any]]) -> Figure:
+    """Of each aircraft run a vehicle of the closest pair: bank, sideslip, achieved minus commanded.
+
+    looks  of each run, as in the other figures of the page
+    """
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(5, 1, figsize=(PAGE, 5.8), sharex=True, layout="constrained")
     for name, run in runs.items():
-        rows, look = one(run, lead(run)), style(name)
+        rows, look = one(run, lead(run)), looks[name]
         series = [
             np.degrees(rows.roll_rad),
             np.degrees(rows.beta_rad),

@@ -9,6 +9,7 @@ from typing import Any
 
 from testbed.report import embed
 from testbed.report.blocks import KEPT, LOST, OPEN, Download, Fact, Picture, download
+from testbed.report.own_parts import sentence
 
 Rows = list[dict[str, Any]]
 
@@ -52,11 +53,14 @@ def json_of(path: Path) -> dict[str, Any]:
 
 
 def about(data: Mapping[str, Any], study: str) -> str:
+    """What a study's or a run's data are about: scenario, plant, fleet, and parts of the user's own."""
     s = data.get("scenario")
     if not s:
         return study
     fleet = f"{s['vehicles']} vehicles, Ds {s['d_safe_m']:g} m"
-    return f"{s['name']} on {s['plant']}: {study}; {fleet}. {s['description']}"
+    own = sentence(data)
+    text = f"{s['name']} on {s['plant']}: {study}; {fleet}. {s['description']}"
+    return text + (f" {own}." if own else "")
 
 
 def counts(text: str) -> tuple[int, int]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from testbed.measures.hdot_ledger import CHANNELS, NEAR_H_M, near, summary
 from testbed.records.run import Run
 from testbed.report.style import BLACK, BLUE, GREEN, LIMIT, ORANGE, PAGE, PURPLE, VERMILION
@@ -45,7 +47,7 @@ def ledger(runs: Mapping[str, Run], near_h_m: float = NEAR_H_M) -> Figure | None
         width_ratios=(3, 2),
     )
     for row, name in zip(axes, drawn, strict=True):
-        _over_time(row[0], name, near(runs[name], near_h_m), found[name])
+        _over_time(row[0], name, runs[name], found[name])
         _quantiles(row[1], found[name])
     axes[0][1].set_title("Quantiles: 5 to 95 %, all")
     # Below the panels: within, it hides the curves of one run or another.
@@ -53,9 +55,9 @@ def ledger(runs: Mapping[str, Run], near_h_m: float = NEAR_H_M) -> Figure | None
     return figure
 
 
-def _over_time(a: Axes, name: str, pairs: pd.DataFrame, found: dict[str, Any]) -> None:
+def _over_time(a: Axes, name: str, run: Run, found: dict[str, Any]) -> None:
     i, j = found["worst"][0]["vehicles"]
-    rows = pairs[(pairs.i == i) & (pairs.j == j)]
+    rows = with_gaps(run, i, j, found["near_h_m"])
     total = rows.hdot_realised_mps - rows.hdot_predicted_mps
     for channel in CHANNELS:
         part = rows[f"residual_{channel}_mps"]
@@ -64,13 +66,34 @@ def _over_time(a: Axes, name: str, pairs: pd.DataFrame, found: dict[str, Any]) -
     a.plot(
         rows.t_s, total, color=COLOURS["total"], linestyle="--", linewidth=1.0, label="realised - predicted"
     )
-    # Where h was lost: the moments that matter.
-    lost = rows[rows.h_m < 0]
-    if len(lost):
-        a.axvspan(lost.t_s.iloc[0], lost.t_s.iloc[-1], color="0.85", zorder=0)
+    for begin, end in spans(rows.t_s.to_numpy(), (rows.h_m < 0).to_numpy()):
+        a.axvspan(begin, end, color="0.85", zorder=0)
     a.axhline(0.0, **LIMIT)
     a.set(xlabel="time [s]", ylabel="residual of hdot [m/s]")
     a.set_title(f"{name}, vehicles {i} and {j}, h below {found['near_h_m']:g} m (grey: h < 0)")
+
+
+def with_gaps(run: Run, i: int, j: int, near_h_m: float) -> pd.DataFrame:
+    """Every recorded row of a pair in order of time; all but t_s is nan where the ledger omits the row.
+
+    So no line joins two rows between which others were recorded and omitted.
+    """
+    of = run.pairs[(run.pairs.i == i) & (run.pairs.j == j)].sort_values("t_s")
+    kept = near(run, near_h_m)
+    kept = kept[(kept.i == i) & (kept.j == j)].set_index("t_s")
+    return kept.reindex(of.t_s).rename_axis("t_s").reset_index()
+
+
+def spans(t: np.ndarray, inside: np.ndarray) -> list[tuple[float, float]]:
+    """Intervals of the times `t` (n,) in which `inside` (n,) stays true, without joining across false ones.
+
+    An interval reaches half-way to the recorded times beside it, so that a single one is seen.
+    """
+    middle = 0.5 * (t[1:] + t[:-1])
+    edges = np.concatenate([t[:1], middle, t[-1:]])
+    padded = np.concatenate([[False], inside, [False]])
+    begins, ends = np.flatnonzero(padded[1:] & ~padded[:-1]), np.flatnonzero(padded[:-1] & ~padded[1:])
+    return [(float(edges[b]), float(edges[e])) for b, e in zip(begins, ends, strict=True)]
 
 
 def _quantiles(a: Axes, found: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbed.claims.registry import BARRIER_CONDITION, SAFE_SET, SEPARATION
 from testbed.records.run import Run
-from testbed.report.style import style
+from testbed.report.style import styles
 
 # Values in all tracks of one player: about 3 bytes each as JSON, so 2 MB.
 VALUES = 600_000
@@ -44,6 +44,7 @@ def data(runs: Mapping[str, Run]) -> dict[str, Any]:
     stay among the frames however far the rest is thinned.
     """
     scenario = next(iter(runs.values())).manifest["scenario"]
+    looks = styles(runs)
     each = VALUES // max(1, len(runs) * int(scenario["vehicles"]) * len(CHANNELS))
     return {
         "d_safe": scenario["d_safe_m"],
@@ -51,13 +52,13 @@ def data(runs: Mapping[str, Run]) -> dict[str, Any]:
         "limits": scenario["limits"],
         "unit": "m" if scenario["barrier"]["form"] == "root" else "m²",
         "steps": {name: step for name, (_, _, step) in CHANNELS.items()} | {"t": TIME_STEP_S, "h": H_STEP},
-        "plants": [_plant(name, run, max(2, min(FRAMES, each))) for name, run in runs.items()],
+        "plants": [_plant(name, run, max(2, min(FRAMES, each)), looks[name]) for name, run in runs.items()],
     }
 
 
-def _plant(name: str, run: Run, most: int) -> dict[str, Any]:
+def _plant(name: str, run: Run, most: int, look: Mapping[str, Any]) -> dict[str, Any]:
     scenario = run.manifest["scenario"]
-    n, look = scenario["vehicles"], style(name)
+    n = scenario["vehicles"]
     t = run.vehicles.t_s.to_numpy()[::n]
     moments = [g for g in run.guarantees if g["t_s"] is not None]
     kept = frames(t, most, [g["t_s"] for g in moments])

@@ -14,7 +14,8 @@ from testbed.records.run import Run
 from testbed.records.store import load
 from testbed.report import embed, figures, ledger_figures, playback, run_tables, scorecard, settings
 from testbed.report.blocks import Block, Note, Part, Picture, Playback, Scorecard, Section, Table, download
-from testbed.report.style import drawing
+from testbed.report.own_parts import named, sentence
+from testbed.report.style import drawing, styles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,13 +28,15 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
 
     folder  where figures drawn of them may lie already, as figures/NAME.svg
     """
-    facts = [scorecard.fact(label, run) for label, run in runs.items()]
+    looks = styles(runs)
+    facts = [scorecard.fact(label, run, looks[label]["color"]) for label, run in runs.items()]
     left = [label for label, run in runs.items() if scorecard.left_safe_set(run)]
     status, headline = scorecard.headline(facts, left)
     first = next(iter(runs.values()))
     scenario = first.manifest["scenario"]
     what = f"{scenario['vehicles']} vehicles, Ds {scenario['d_safe_m']:g} m, {scenario['duration_s']:g} s"
-    what += f", filter {scenario['filter']['kind']}, barrier {scenario['barrier']['kind']}"
+    filters = dict.fromkeys(named(run, "filter", scenario["filter"]["kind"]) for run in runs.values())
+    what += f", filter {' and '.join(filters)}, barrier {scenario['barrier']['kind']}"
     claims = pd.DataFrame(scorecard.csv_rows(runs))
     sections = [
         Section(
@@ -52,7 +55,7 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
         what=f"{what}. {scenario['description']}".strip().rstrip(".") + f". Folder: {title}",
         status=status,
         headline=headline,
-        details=[scorecard.other_claims(label, run) for label, run in runs.items()],
+        details=[line for label, run in runs.items() for line in _details(label, run)],
         facts=facts,
         sections=[s for s in sections if s.blocks],
     )
@@ -70,10 +73,15 @@ def _motion(runs: Runs, folder: Path | None) -> list[Section]:
     ]
 
 
+def _details(label: str, run: Run) -> list[str]:
+    own = sentence(run.manifest)
+    return [scorecard.other_claims(label, run), *([f"{label}: {own}."] if own else [])]
+
+
 def of_folder(folder: Path, title: str) -> Part:
     """The account of a run folder."""
     run = load(folder)
-    return part({run.manifest["scenario"]["plant"]: run}, folder, title)
+    return part({named(run, "plant", run.manifest["scenario"]["plant"]): run}, folder, title)
 
 
 def _svg(folder: Path | None, name: str, draw: Callable[[], Figure | None]) -> str:
@@ -184,8 +192,13 @@ def _level(q: str) -> str:
     return {"0": "least", "0.5": "median", "1": "most"}.get(q, f"{100 * float(q):g} %")
 
 
+def _exact(run: Run) -> bool:
+    """Whether the plant flies its commands exactly: the unicycle of the scenario does."""
+    return run.part("plant") is None and run.manifest["scenario"]["plant"] == "unicycle"
+
+
 def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
-    flown = {label: run for label, run in runs.items() if run.manifest["scenario"]["plant"] != "unicycle"}
+    flown = {label: run for label, run in runs.items() if not _exact(run)}
     if not flown:
         return []
     rows = [row for label, run in flown.items() for row in run_tables.tracking(label, run)]
@@ -205,7 +218,7 @@ def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
                 caption="A vehicle of the closest pair: bank, sideslip, and tracking errors by channel."
                 " Dotted: the moment of least distance.",
                 alt="Five series over time. " + " ".join(errors),
-                svg=_svg(folder, "aircraft", lambda: figures.aircraft(aircraft)),
+                svg=_svg(folder, "aircraft", lambda: figures.aircraft(aircraft, styles(runs))),
                 downloads=download(
                     "series (CSV)",
                     "aircraft.csv",

@@ -9,7 +9,7 @@ from testbed.claims.registry import SAFE_SET, SEPARATION
 from testbed.records.run import Run
 from testbed.records.verdict import Kind, Status, Verdict
 from testbed.report.blocks import KEPT, LOST, OPEN, Fact
-from testbed.report.style import style
+from testbed.report.style import styles
 from testbed.report.tables import further, number
 
 # Status -> sign and class; the sign tells them apart without colour.
@@ -26,10 +26,15 @@ GUARANTEES, PREMISES = "Guarantees", "Premises: if one is not met, what rests on
 def rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
     """One entry per claim with a line per run that has it: guarantees, then premises, in the order judged."""
     listed = {v.id: v for run in runs.values() for v in run.guarantees}
-    made, seen = [], set()
+    made, seen, looks = [], set(), styles(runs)
     for first in sorted(listed.values(), key=lambda v: v.kind is Kind.PREMISE):
         heading = PREMISES if first.kind is Kind.PREMISE else GUARANTEES
-        lines = [_line(label, v) for label, run in runs.items() for v in run.guarantees if v.id == first.id]
+        lines = [
+            _line(label, v, looks[label]["color"])
+            for label, run in runs.items()
+            for v in run.guarantees
+            if v.id == first.id
+        ]
         made.append(
             {
                 "number": first.number,
@@ -45,7 +50,7 @@ def rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
     return made
 
 
-def _line(label: str, v: Verdict) -> dict[str, Any]:
+def _line(label: str, v: Verdict, color: str) -> dict[str, Any]:
     sign, look = LOOKS[v.status]
 
     def said(value: float | None) -> str:
@@ -53,7 +58,7 @@ def _line(label: str, v: Verdict) -> dict[str, Any]:
 
     return {
         "run": label,
-        "color": style(label)["color"],
+        "color": color,
         "verdict": v.status.value,
         "sign": sign,
         "look": look,
@@ -89,10 +94,9 @@ def csv_rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
     ]
 
 
-def fact(label: str, run: Run) -> Fact:
+def fact(label: str, run: Run, color: str) -> Fact:
     """How one run stands on separation, the claim that matters most."""
     v = run.guarantee(SEPARATION.id)
-    color = style(label)["color"]
     if v.status is Status.NOT_APPLICABLE or v.value is None or v.bound is None:
         return Fact(label, OPEN, v.why or "separation was not judged", None, color)
     status = {Status.HOLDS: KEPT, Status.VIOLATED: LOST}.get(v.status, OPEN)

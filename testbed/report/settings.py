@@ -8,6 +8,7 @@ from typing import Any
 
 from testbed.records.run import Run
 from testbed.report.blocks import Block, Listing, Table, cell, download
+from testbed.report.own_parts import origins
 
 
 def of_runs(runs: Mapping[str, Run]) -> list[Block]:
@@ -105,6 +106,11 @@ def _made(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
         row("worst QP residual", lambda r: r.manifest["worst_qp_residual"]),
         row("airframe files, SHA-256", lambda r: r.manifest["airframes"] or "none"),
         row("time it took [s]", lambda r: r.timing.get("wall_s")),
+    ]
+    flown = {part for run in runs.values() for part in origins(run.manifest)}
+    rows += [
+        row(f"{part} of the user's own", lambda r, p=part: origins(r.manifest).get(p, "the scenario's"))
+        for part in sorted(flown)
     ]
     return rows + [
         row(f"version of {name}", lambda r, n=name: r.manifest["versions"].get(n))

@@ -1,16 +1,15 @@
-"""The one style of every figure: SI labels, limits drawn, one colour and dash per thing compared.
+"""Defines the style of every figure: colours, dashes, limit lines, and how figures are saved.
 
-Colours are Okabe & Ito's, safe for the colour-blind; the dash tells them apart in grey. PNG for screens, PDF
-for papers, SVG for the report page, each the same bytes for the same data.
+Colours are Okabe and Ito's, safe for the colour-blind; dashes tell lines apart in grey. PNG is for screens,
+PDF for papers, SVG for the report page; equal data give equal files.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zlib import crc32
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,14 +70,46 @@ def drawing() -> Iterator[Any]:
         yield pyplot
 
 
-# For names not known here, such as a plant of one's own: always the same look for the same name.
-OTHERS = ((PURPLE, (0, (3, 1, 1, 1))), (ORANGE, (0, (5, 1))), (SKY, ":"), (BLACK, (0, (1, 1))))
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
 
 
-def style(name: str) -> dict[str, Any]:
-    """Colour and dash of a plant, barrier or law."""
-    color, dash = OTHERS[crc32(name.encode()) % len(OTHERS)]
-    return STYLES.get(name, {"color": color, "linestyle": dash})
+def nth(k: int) -> dict[str, Any]:
+    """Colour and dash of the k-th of a series (from 0): all differ, however many there are."""
+    n = len(COLOURS)
+    if k < n * n:
+        # Both change at every step; the second round of colours has every dash shifted by one.
+        return {"color": COLOURS[k % n], "linestyle": DASHES[(k + k // n) % n]}
+    import colorsys
+
+    k -= n * n
+    # Hues in golden-ratio steps never repeat.
+    red, green, blue = colorsys.hsv_to_rgb((k * 0.618033988749895) % 1.0, 0.9, 0.7)
+    colour = "#" + "".join(f"{round(255 * c):02x}" for c in (red, green, blue))
+    return {"color": colour, "linestyle": (0, (1 + k // 1000, 2, 4, 2))}
+
+
+def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Colour and dash of each plant, barrier or law of one figure or page; all differ.
+
+    A name of `STYLES` has its own look unless another name of the figure has it already; the others take the
+    next free looks in order.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    wanted = list(dict.fromkeys(names))
+    for name in wanted:
+        if name in STYLES and STYLES[name] not in found.values():
+            found[name] = STYLES[name]
+    k = 0
+    for name in wanted:
+        while name not in found:
+            look, k = nth(k), k + 1
+            # A page shows colours without dashes: while there are free ones, colours do not repeat.
+            used = {of["color"] for of in found.values()}
+            free = len(used) < len(COLOURS)
+            if look not in found.values() and not (free and look["color"] in used):
+                found[name] = look
+    return {name: found[name] for name in wanted}
 
 
 def limits(axes: Axes, *values: float) -> None:

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from testbed.records.run import Run
 from testbed.records.verdict import Kind, Status, Verdict
+from testbed.report.own_parts import sentence
 
 # Achieved channel -> unit shown, and its size in the unit recorded.
 CHANNELS = (("v_mps", "m/s", 1.0), ("omega_radps", "deg/s", degrees(1.0)), ("zeta_mps", "m/s", 1.0))
@@ -28,7 +29,8 @@ MARKS = {
 def scorecard(runs: Mapping[str, Run], title: str) -> Table:
     """One row per claim, one column per run: value, status, worst instant and vehicles.
 
-    Premises that every run met are named in the caption; the others have rows of their own.
+    Premises that every run met are named in the caption, and so are parts of the user's own; the other
+    premises have rows.
     """
     table = Table(title=title, title_justify="left", caption_justify="left", pad_edge=False)
     table.add_column("guarantee", no_wrap=True)
@@ -42,8 +44,12 @@ def scorecard(runs: Mapping[str, Run], title: str) -> Table:
             met += [first.id] if statuses == {Status.HOLDS} else []
             continue
         table.add_row(f"{first.number} {first.id}", *(cell(v) for v in verdicts))
-    if met:
-        table.caption = "premises met: " + ", ".join(met)
+    lines = ["premises met: " + ", ".join(met)] if met else []
+    for name, run in runs.items():
+        own = sentence(run.manifest)
+        lines += [f"{name}: {own}" if len(runs) > 1 else own] if own else []
+    if lines:
+        table.caption = Text("\n".join(lines))
     return table
 
 

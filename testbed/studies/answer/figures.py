@@ -12,7 +12,7 @@ from testbed.report.style import (
     PAGE,
     drawing,
     save,
-    style,
+    styles,
 )
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ def answer(table: pd.DataFrame, folder: Path) -> list[Path]:
         y = np.arange(len(table))[::-1]
         rate = 100 * table.lost / table.runs
         low, high = rate - 100 * table.rate_low, 100 * table.rate_high - rate
+        looks = styles(table.vehicle)
         for vehicle, marker in zip(dict.fromkeys(table.vehicle), cycle("osD^v"), strict=False):
             of = (table.vehicle == vehicle).to_numpy()
             a.errorbar(
@@ -35,7 +36,7 @@ def answer(table: pd.DataFrame, folder: Path) -> list[Path]:
                 fmt=marker,
                 ms=3.5,
                 capsize=2,
-                color=style(vehicle)["color"],
+                color=looks[vehicle]["color"],
                 label=vehicle,
             )
         names = [f"{r.number} {r.vehicle}, {r.weather}, {r.remedy}" for r in table.itertuples()]

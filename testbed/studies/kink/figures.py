@@ -13,11 +13,11 @@ from testbed.report.style import (
     COLUMN,
     ORANGE,
     PAGE,
+    STYLES,
     drawing,
     limits,
     save,
     separation,
-    style,
 )
 from testbed.studies.kink.kink import Look, over_heading
 
@@ -59,7 +59,7 @@ def kink(table: pd.DataFrame, seen: Look, d_safe: float, folder: Path) -> list[P
 def _shape(axes: Axes, seen: Look) -> None:
     offset = np.linspace(-4.0, 4.0, 401)
     for name, h in over_heading(ABREAST_M, offset).items():
-        axes.plot(offset, h, label=name, **style(name))
+        axes.plot(offset, h, label=name, **STYLES[name])
     limits(axes, 0.0)
     axes.set(xlabel="difference of headings [deg]", ylabel="h [m]")
 
@@ -100,8 +100,8 @@ def _drain(axes: Axes, seen: Look) -> None:
     w = _window(seen, *DRAIN_S)
     t, h = seen.t_s[w], seen.h_m[w]
     lost = seen.lost_m()[w]
-    axes.plot(t, h + (lost - lost[0]), label="promised", **style("smoothed"))
-    axes.plot(t, h, label="h", **style("paper"))
+    axes.plot(t, h + (lost - lost[0]), label="promised", **STYLES["smoothed"])
+    axes.plot(t, h, label="h", **STYLES["paper"])
     limits(axes, 0.0)
     # The promise soon runs far off; what matters is where the two part.
     low, high = float(h.min()), float(h.max())
@@ -120,7 +120,7 @@ def _seeds(axes: Axes, table: pd.DataFrame, d_safe: float) -> None:
                 "o" if name == "paper" else "s",
                 markersize=3,
                 markerfacecolor="none",
-                color=style(name)["color"],
+                color=STYLES[name]["color"],
                 label=name if k == 0 else None,
             )
     separation(axes, d_safe)

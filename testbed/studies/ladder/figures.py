@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from testbed.records.verdict import Status
 from testbed.report.style import (
     BLACK,
     BLUE,
@@ -33,9 +34,10 @@ def ladder(table: pd.DataFrame, distance: Account, h: Account, d_safe: float, fo
             (axes[1], h, "h_m", 0.0, "least h [m]"),
         ):
             for k, name in enumerate(names):
-                values = table[table.rung == name][column].astype(float).dropna().to_numpy()
+                of = table[table.rung == name].dropna(subset=[column])
+                values = of[column].to_numpy(dtype=float)
                 x = k + np.linspace(-0.18, 0.18, len(values))
-                lost = values < limit
+                lost = (of[f"{column.partition('_')[0]}_verdict"] != Status.HOLDS.value).to_numpy()
                 a.plot(x[~lost], values[~lost], "o", ms=2.5, color=BLUE, alpha=0.6)
                 a.plot(x[lost], values[lost], "x", ms=3.5, color=VERMILION)
             a.plot(range(len(names)), [s.value for s in account.steps], "_", ms=18, color=BLACK, mew=2)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from testbed.report.style import (
     PAGE,
+    STYLES,
     drawing,
     limits,
     save,
-    style,
 )
 from testbed.studies.onset.onset import LATERAL_M, TURN_DEGPS, Onset, least
 
@@ -33,7 +33,7 @@ def onset(onsets: list[Onset], folder: Path) -> list[Path]:
             column[0].set_title(f"{n} vehicles", loc="left", fontsize=8)
             for o in some:
                 shown = o.t_s <= CROSSING_S
-                column[1].plot(o.t_s[shown], o.omega_degps[shown], label=o.case.law, **style(o.case.law))
+                column[1].plot(o.t_s[shown], o.omega_degps[shown], label=o.case.law, **STYLES[o.case.law])
             omega_max = some[0].case.scenario().limits.omega_max_degps
             limits(column[1], -omega_max, omega_max)
             column[1].set(xlabel="time [s]", ylabel="turn rate of vehicle 1 [deg/s]")
@@ -50,7 +50,7 @@ def _begins(axes: Axes, onsets: list[Onset]) -> None:
         ("s", f"{LATERAL_M:g} m off its line"),
     )
     for row, o in enumerate(onsets):
-        colour = style(o.case.law)["color"]
+        colour = STYLES[o.case.law]["color"]
         for (mark, label), times in zip(marks, (o.override, o.turn, o.lateral), strict=True):
             axes.plot(least(times), row, mark, color=colour, markersize=5, markerfacecolor="none")
             if row == 0:

@@ -12,7 +12,7 @@ import numpy as np
 from testbed.claims.registry import SEPARATION
 from testbed.records.run import Run
 from testbed.report.figures import one
-from testbed.report.style import COLUMN, PAGE, drawing, limits, log_distance, save, separation, style
+from testbed.report.style import COLUMN, PAGE, STYLES, drawing, limits, log_distance, save, separation
 from testbed.studies.paper.reproduction import stamp_shift, vertices
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def distance(axes: Axes, runs: Runs) -> None:
     for name, run in runs.items():
         smallest = run.pairs.groupby("t_s").distance_m.min()
         least = run.guarantee(SEPARATION.id)["value"]
-        axes.plot(smallest.index, smallest, label=f"{name}, least {least:.2f} m", **style(name))
+        axes.plot(smallest.index, smallest, label=f"{name}, least {least:.2f} m", **STYLES[name])
     separation(axes, _scenario(runs)["d_safe_m"])
     axes.set(xlabel="time [s]", ylabel="smallest distance [m]")
     log_distance(axes)
@@ -71,8 +71,8 @@ def path(axes: Axes, runs: Runs) -> None:
     """Vehicle 1's path, from its start (dot) to the right."""
     for name, run in runs.items():
         rows = one(run)
-        axes.plot(rows.x_m, rows.y_m, label=name, **style(name))
-        axes.plot(rows.x_m.iloc[0], rows.y_m.iloc[0], "o", markersize=3, color=style(name)["color"])
+        axes.plot(rows.x_m, rows.y_m, label=name, **STYLES[name])
+        axes.plot(rows.x_m.iloc[0], rows.y_m.iloc[0], "o", markersize=3, color=STYLES[name]["color"])
     axes.set(xlabel="east [m]", ylabel="north [m]")
 
 
@@ -176,7 +176,7 @@ def _published(axes: Axes, quantity: str, series: str, run: Run) -> None:
         markersize=3,
         markerfacecolor="none",
         markeredgewidth=0.6,
-        color=style(series)["color"],
+        color=STYLES[series]["color"],
     )
 
 
@@ -191,7 +191,7 @@ def _curves(
     axes: Axes, name: str, run: Run, t: np.ndarray, command: np.ndarray, achieved: np.ndarray
 ) -> None:
     """The command; on an aircraft what it achieved, with the command thin beside it."""
-    look = style(name)
+    look = STYLES[name]
     if run.manifest["scenario"]["plant"] == "unicycle":
         axes.plot(t, command, label=name, **look)
         return

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from aircraft.autopilots.specification import MARGINS
-from testbed.report.aircraft_figures import DASHES, SERIES
-from testbed.report.style import LIMIT, PAGE, drawing, limits, save, separation
+from testbed.report.style import LIMIT, PAGE, drawing, limits, nth, save, separation
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,5 +62,4 @@ def _lines(axes: Axes, table: pd.DataFrame, sweeps: Sequence[Sweep], name: str) 
     groups = table.groupby(others) if others else [((), table)]
     for k, (values, rows) in enumerate(groups):
         said = ", ".join(f"{g.split('.')[1]} {v:.3g}" for g, v in zip(others, values, strict=True))
-        look: dict[str, Any] = {"color": SERIES[k % len(SERIES)], "linestyle": DASHES[k % len(DASHES)]}
-        axes.plot(rows[first], rows[name], marker="o", markersize=2.5, label=said or None, **look)
+        axes.plot(rows[first], rows[name], marker="o", markersize=2.5, label=said or None, **nth(k))

@@ -1,0 +1,33 @@
+"""Names the parts of a run that are the user's own, with their file and checksum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from testbed.records.run import Run
+
+# Hexadecimal digits of a checksum that are shown.
+DIGITS = 12
+
+
+def named(run: Run, part: str, scenarios: str) -> str:
+    """Name of the user's own `part` (plant, filter, nominal, disturbance), or else `scenarios`."""
+    return run.part(part) or scenarios
+
+
+def origins(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """Part -> name, file and checksum, for the parts of a run's manifest that are the user's own."""
+    return {part: _said(origin) for part, origin in manifest.get("parts", {}).items()}
+
+
+def sentence(manifest: Mapping[str, Any]) -> str:
+    """All of them in one sentence; "" if the run flew the scenario's parts only."""
+    found = origins(manifest)
+    return "Parts of the user's own: " + "; ".join(f"{k} {v}" for k, v in found.items()) if found else ""
+
+
+def _said(origin: Mapping[str, Any]) -> str:
+    file = origin.get("file") or "no file"
+    sha = f"SHA-256 {origin['sha256'][:DIGITS]}" if origin.get("sha256") else "no checksum"
+    return f"{origin['name']} ({file}, {sha})"
