@@ -1,4 +1,4 @@
-"""`testbed campaign`: many runs of one file, and what became of them."""
+"""`testbed campaign`: flies many runs of one campaign file and reports them."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ if TYPE_CHECKING:
     from testbed.campaigns.plan import Plan
     from testbed.campaigns.progress import Progress
 
-app = typer.Typer(no_args_is_help=True, help="Many runs of one file: grids, random draws, seeds, statistics.")
+app = typer.Typer(
+    no_args_is_help=True, help="Fly many runs of one file: grids, random draws, seeds, statistics."
+)
 
 FileArg = Annotated[str, typer.Argument(help="a campaign that comes with the package, or a TOML file")]
 FolderArg = Annotated[Path, typer.Argument(help="a campaign's folder")]
 ClusterOption = Annotated[
-    str | None, typer.Option("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:8786")
+    str | None,
+    typer.Option("--cluster", metavar="ADDRESS", help="address of a Dask scheduler, tcp://HOST:8786"),
 ]
 
 
 @app.command(
-    short_help="Fly a campaign, or go on with it.",
+    short_help="Fly a campaign, or continue it.",
     epilog="Example: testbed campaign run head-on-x8 --out runs/head-on --workers 2",
 )
 def run(
@@ -75,7 +78,7 @@ def status(folder: FolderArg, as_json: JsonOption = False) -> None:
 
 
 @app.command(
-    short_help="Read a campaign file and fly nothing.",
+    short_help="Check a campaign file; nothing is flown.",
     epilog="Example: testbed campaign check my-campaign.toml",
 )
 def check(file: FileArg, as_json: JsonOption = False) -> None:

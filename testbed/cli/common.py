@@ -1,4 +1,4 @@
-"""What the commands share: their options, and how they load, count and print."""
+"""Options that commands share, and helpers that load, count and print for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`testbed export`: a run for Tacview, or as CSV."""
+"""`testbed export`: writes a run for Tacview, or as CSV."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def export(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="what to write; default RUN.txt.acmi or RUN-csv, beside the run"),
+        typer.Option(
+            "--out", help="file or folder to write; by default RUN.txt.acmi or RUN-csv, beside the run"
+        ),
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,

@@ -1,4 +1,4 @@
-"""`testbed falsify`: search for a violation within bounds, and shrink it."""
+"""`testbed falsify`: searches for a violation within bounds, and shrinks it."""
 
 from __future__ import annotations
 
@@ -31,17 +31,26 @@ GUARANTEES = (SEPARATION.id, SAFE_SET.id)
 def falsify(
     scenario: ScenarioArg,
     budget: Annotated[
-        int, typer.Option("--budget", help="most runs of the search, and of the shrinking")
+        int, typer.Option("--budget", help="largest number of runs of the search, and of the shrinking")
     ] = 200,
     guarantee: Annotated[str, typer.Option("--guarantee", help=" or ".join(GUARANTEES))] = SEPARATION.id,
-    lateral: Annotated[float | None, typer.Option("--lateral", help="of each start, m; default 10")] = None,
-    heading: Annotated[float | None, typer.Option("--heading", help="of each start, deg; default 5")] = None,
-    height: Annotated[float | None, typer.Option("--height", help="of each start, m; default 1")] = None,
-    wind: Annotated[float, typer.Option("--wind", help="added to the scenario's, m/s")] = 5.0,
-    latency: Annotated[float, typer.Option("--latency", help="of links, added to the scenario's, s")] = 0.1,
-    seed: Annotated[int, typer.Option("--seed", help="of the search; the runs have the scenario's")] = 1,
+    lateral: Annotated[
+        float | None, typer.Option("--lateral", help="largest offset of each start, m; default 10")
+    ] = None,
+    heading: Annotated[
+        float | None, typer.Option("--heading", help="largest change of each first course, deg; default 5")
+    ] = None,
+    height: Annotated[
+        float | None, typer.Option("--height", help="largest height change of each start, m; default 1")
+    ] = None,
+    wind: Annotated[float, typer.Option("--wind", help="largest wind added to the scenario's, m/s")] = 5.0,
+    latency: Annotated[
+        float, typer.Option("--latency", help="largest link delay added to the scenario's, s")
+    ] = 0.1,
+    seed: Annotated[int, typer.Option("--seed", help="seed of the search; the runs have the scenario's")] = 1,
     thorough: Annotated[
-        bool, typer.Option("--thorough", help="spend the whole budget on the least margin, violation or not")
+        bool,
+        typer.Option("--thorough", help="spend the whole budget on the smallest margin, violated or not"),
     ] = False,
     plant: PlantOption = None,
     set_: SetOption = None,

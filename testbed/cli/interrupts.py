@@ -1,4 +1,4 @@
-"""How the command line ends: one line and an exit code, whoever ends it."""
+"""Ends the command line after errors and signals: one line on stderr and an exit code."""
 
 from __future__ import annotations
 

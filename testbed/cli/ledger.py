@@ -1,4 +1,4 @@
-"""`testbed ledger`: predicted against realised hdot of one run, by channel."""
+"""`testbed ledger`: compares predicted and realised hdot of one run, by channel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def ledger(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="a run folder")],
     near: Annotated[float, typer.Option("--near", help="only pairs with h below this [m]")] = 10.0,
     quantile: Annotated[
-        float, typer.Option("--quantile", help="of |achieved - commanded|, for the channels' bounds")
+        float, typer.Option("--quantile", help="quantile of |achieved - commanded| that bounds each channel")
     ] = 1.0,
     settings: Annotated[
         bool, typer.Option("--settings", help="print only --set options: robust rows with those bounds")

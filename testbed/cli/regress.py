@@ -1,4 +1,4 @@
-"""`testbed regress`: record how a project's vehicles fly, and check that they fly no worse."""
+"""`testbed regress`: records how a project's vehicles fly, and checks that they fly no worse."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from testbed.cli.common import STUDY_RATES, JsonOption, SetOption, WorkersOption
 
 app = typer.Typer(
-    no_args_is_help=True, help="Baselines of unicycle against aircraft, checked for degradation."
+    no_args_is_help=True, help="Record baselines of unicycle against aircraft, and check for degradation."
 )
 
 BaselinesOption = Annotated[
@@ -36,11 +36,13 @@ def record(
     reason: Annotated[
         str | None, typer.Option("--reason", help="why an existing baseline may change; kept in its history")
     ] = None,
-    seeds: Annotated[int | None, typer.Option("--seeds", help="in a block; default 20")] = None,
+    seeds: Annotated[
+        int | None, typer.Option("--seeds", help="number of seeds in a block; default 20")
+    ] = None,
     blocks: Annotated[int | None, typer.Option("--blocks", help="blocks to record; default 3")] = None,
     rungs: Annotated[
         str | None,
-        typer.Option("--rungs", help="of the fidelity ladder; default unicycle,6-DOF"),
+        typer.Option("--rungs", help="rungs of the fidelity ladder; default unicycle,6-DOF"),
     ] = None,
     baselines: BaselinesOption = None,
     workers: WorkersOption = None,
@@ -77,10 +79,12 @@ def check(
     names: Annotated[
         list[str] | None, typer.Argument(metavar="[NAME]...", help="baselines; default all in the folder")
     ] = None,
-    block: Annotated[int, typer.Option("--block", help="of seeds; one beyond those recorded is fresh")] = 1,
+    block: Annotated[
+        int, typer.Option("--block", help="block of seeds; one beyond those recorded is fresh")
+    ] = 1,
     set_: SetOption = None,
     every: Annotated[
-        bool, typer.Option("--all", help="show every quantity, not only what was found")
+        bool, typer.Option("--all", help="show every quantity, not only those that changed")
     ] = False,
     baselines: BaselinesOption = None,
     workers: WorkersOption = None,

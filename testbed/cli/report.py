@@ -1,4 +1,4 @@
-"""`testbed report`: one self-contained page of what other commands wrote."""
+"""`testbed report`: writes one self-contained page of what other commands wrote."""
 
 from __future__ import annotations
 

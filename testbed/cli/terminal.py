@@ -1,4 +1,4 @@
-"""Output that any terminal can show: escapes for letters it lacks, notes in one line."""
+"""Makes output fit any terminal: escapes for letters that it lacks, notes in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`testbed tune`: an airframe's gains scored, swept, optimised."""
+"""`testbed tune`: scores, sweeps or optimises an airframe's gains."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ def tune(
         str | None, typer.Option("--scenario", help="flown at every point of the sweep, for its guarantee")
     ] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="override a scenario field")
+        list[str] | None,
+        typer.Option("--set", metavar="FIELD=VALUE", help="set a field of the scenario; may be repeated"),
     ] = None,
     optimise: Annotated[
         bool, typer.Option("--optimise", help="find gains that meet the specification")
@@ -40,10 +41,12 @@ def tune(
         list[str] | None,
         typer.Option("--vary", metavar="GAIN", help="what --optimise may change; may be repeated"),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="of the first start of --optimise")] = 1,
-    starts: Annotated[int, typer.Option("--starts", help="searches of --optimise, seeds counted up")] = 2,
+    seed: Annotated[int, typer.Option("--seed", help="seed of the first search of --optimise")] = 1,
+    starts: Annotated[
+        int, typer.Option("--starts", help="number of searches of --optimise, with consecutive seeds")
+    ] = 2,
     evaluations: Annotated[
-        int, typer.Option("--evaluations", help="at most so many scores a start of --optimise")
+        int, typer.Option("--evaluations", help="largest number of scores in each search of --optimise")
     ] = 300,
     check: Annotated[
         bool, typer.Option("--check", help="exit with code 1 if a bound of the specification is missed")

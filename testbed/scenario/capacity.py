@@ -1,4 +1,4 @@
-"""What a scenario would need of a machine, estimated before anything is allocated."""
+"""Estimates memory and rows that a scenario needs, before anything is allocated."""
 
 from __future__ import annotations
 

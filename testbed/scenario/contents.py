@@ -1,4 +1,4 @@
-"""The fields and tables of a scenario, each checked alone."""
+"""Defines the fields and tables of a scenario, each checked alone."""
 
 from __future__ import annotations
 

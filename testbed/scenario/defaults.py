@@ -1,4 +1,4 @@
-"""What the fields of a scenario are where nobody says them, for each kind of its tables."""
+"""Lists the defaults of a scenario's fields, for the kinds that its tables have."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pydantic finds wrong with a file's tables, one by one: the field's path, the mistake, the remedy."""
+"""Turns pydantic's errors into mistakes: the path of the field, what is wrong, the remedy."""
 
 from __future__ import annotations
 

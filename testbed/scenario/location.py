@@ -1,4 +1,4 @@
-"""Finds airframes that a scenario names by a relative path: beside its file, whatever the working directory.
+"""Finds airframes that a scenario names by relative paths, whatever the working directory.
 
 The path stays in `airframes` as it was written; `airframes_folder` says where it starts. That folder is no
 part of what a run is: names of runs leave it out, and a run folder has it relative to itself.

@@ -1,4 +1,4 @@
-"""Overrides of scenario fields: what a name means, and how a value is set in plain data."""
+"""Sets fields of scenarios by name: finds what a name means, reads values, changes plain data."""
 
 from __future__ import annotations
 

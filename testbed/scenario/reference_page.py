@@ -1,4 +1,4 @@
-"""The scenario file's reference as Markdown, made from the schema: `testbed schema --markdown`."""
+"""Writes the reference page of scenario files as Markdown: `testbed schema --markdown`."""
 
 from __future__ import annotations
 

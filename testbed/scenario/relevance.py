@@ -1,4 +1,4 @@
-"""Which fields of a scenario have no effect because of what another table says, and what would take them.
+"""Finds fields that have no effect because of what another table says, and what would take them.
 
 A field at its default says nothing and is never refused. What depends on the kind of its own table is in
 `testbed.scenario.kinds`; here is what depends on another field.

@@ -1,4 +1,4 @@
-"""The scenario file: what is flown, by whom, under which filter. TOML, checked field by field.
+"""Reads and checks scenario files: what is flown, by whom, under which filter.
 
 Angles are degrees and every number carries its unit in its name; defaults are the settings of
 Squires et al. 2022, Section III.D. `load` reads a built-in scenario or a file and applies overrides.

@@ -1,4 +1,4 @@
-"""Scenarios that the program makes from one that a person wrote: other plants, remedies, cells of a campaign.
+"""Makes scenarios from one that a person wrote: for other plants, remedies, cells of a campaign.
 
 A change of a kind leaves fields without effect behind, which are left out; a field that has no effect in any
 of the scenarios made is the person's mistake and is refused.
