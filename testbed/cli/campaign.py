@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from testbed.campaigns.plan import Plan
     from testbed.campaigns.progress import Progress
 
-app = typer.Typer(
-    no_args_is_help=True, help="Fly many runs of one file: grids, random draws, seeds, statistics."
-)
+app = typer.Typer(no_args_is_help=True, help="Fly many runs of one file: grids, draws, seeds.")
 
 FileArg = Annotated[str, typer.Argument(help="a campaign that comes with the package, or a TOML file")]
 FolderArg = Annotated[Path, typer.Argument(help="a campaign's folder")]

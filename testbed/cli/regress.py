@@ -10,9 +10,7 @@ import typer
 
 from testbed.cli.common import STUDY_RATES, JsonOption, SetOption, WorkersOption
 
-app = typer.Typer(
-    no_args_is_help=True, help="Record baselines of unicycle against aircraft, and check for degradation."
-)
+app = typer.Typer(no_args_is_help=True, help="Record baselines and check that nothing flies worse.")
 
 BaselinesOption = Annotated[
     Path | None,
