@@ -76,7 +76,7 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     shown = []
     for r in rows:
         line = {a.rpartition(".")[2]: str(r["parameters"][a]) for a in axes} or {"cell": r["cell"]}
-        interval = f"{100 * r['confidence']:.3g} % Clopper-Pearson"
+        interval = f"{100 * r['confidence']:.3g} % interval"
         line |= {
             "lost": f"{r['lost']}/{r['runs']}",
             "distinct": r["distinct"],

@@ -148,6 +148,7 @@ def _report(state: Progress, out: Path, as_json: bool, flying: bool = False) -> 
     from testbed.campaigns.distinct import counted
     from testbed.campaigns.flight import FLOWN
     from testbed.campaigns.summary import summary, table
+    from testbed.statistics import Rate
 
     campaign, rows = state.plan.campaign, [e["row"] for e in state.entries.values()]
     cells = summary(state)
@@ -161,7 +162,8 @@ def _report(state: Progress, out: Path, as_json: bool, flying: bool = False) -> 
     from testbed.report.tables import plain_table
 
     show(plain_table(f"{campaign.name}: runs that lose '{campaign.guarantee}'", table(cells)))
-    print(counted(sum(c["runs"] for c in cells), sum(c["distinct"] for c in cells)))
+    said = counted(sum(c["runs"] for c in cells), sum(c["distinct"] for c in cells))
+    print(f"{said}; intervals of rates: {Rate.method}")
     if reasons := _reasons(row["reason"] for row in rows if row["status"] != FLOWN):
         print("not flown to the end of its verdicts:")
         for line in reasons:

@@ -9,6 +9,7 @@ from testbed.campaigns.journal import journal_beside
 from testbed.components import catalogue
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
+from testbed.statistics import Rate
 from testbed.studies.answer import answer as answers
 from testbed.studies.answer import figures, page
 from testbed.studies.common.found import Found
@@ -41,10 +42,11 @@ def answer(
             "remedy": r.remedy,
             "lost": f"{r.lost}/{r.runs}",
             "distinct": r.distinct,
-            "95 % Clopper-Pearson": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
+            "95 % interval": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
             "least [m]": round(r.least_distance_m, 2),
             "arrived": f"{r.arrived}/{r.runs}",
         }
         for r in table.itertuples()
     ]
-    return Found(out, f"does the guarantee survive? runs that lose Ds = {answers.d_safe_m():g} m", rows)
+    title = f"does the guarantee survive? runs that lose Ds = {answers.d_safe_m():g} m"
+    return Found(out, title, rows, [f"intervals of rates: {Rate.method}"])

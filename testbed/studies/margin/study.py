@@ -9,6 +9,7 @@ from testbed.campaigns.journal import journal_beside
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
 from testbed.scenario.scenario import Scenario
+from testbed.statistics import Rate
 from testbed.studies.common.found import Found, hundredths, provenance
 from testbed.studies.common.measure import default_starts
 from testbed.studies.margin import figures, page
@@ -40,7 +41,7 @@ def margin(
             knob: round(p.setting, 4),
             "lost": f"{p.violations}/{p.runs}",
             "distinct": p.distinct,
-            "95 % Clopper-Pearson": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
+            "95 % interval": f"{100 * p.rate_low:.1f}-{100 * p.rate_high:.1f} %",
             "d [m]": round(p.least_distance_m, 2),
             "no QP": p.infeasible,
             "path [m]": hundredths(p.path_added_m),
@@ -49,4 +50,4 @@ def margin(
         for p in found.points
     ]
     title = f"{s.name} on {s.plant}: margin by {knob}, {found.unit}"
-    return Found(out, title, rows, [data["sentence"]], data)
+    return Found(out, title, rows, [data["sentence"], f"intervals of rates: {Rate.method}"], data)

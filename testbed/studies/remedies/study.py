@@ -12,6 +12,7 @@ from testbed.errors import UserError, nearest
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
 from testbed.scenario.scenario import Scenario
+from testbed.statistics import Rate
 from testbed.studies.common.found import Found, provenance
 from testbed.studies.common.measure import default_starts
 from testbed.studies.remedies import figures, page, remedies
@@ -51,7 +52,7 @@ def compare(
             "remedy": r.remedy,
             "lost": f"{r.violations}/{r.n}",
             "distinct": int(r.distinct),
-            "95 % Clopper-Pearson": f"{100 * r.rate_low:.1f}-{100 * r.rate_high:.1f} %",
+            "95 % interval": f"{100 * r.rate_low:.1f}-{100 * r.rate_high:.1f} %",
             "d [m]": round(r.least_distance_m, 2),
             "h [m]": round(r.least_h_m, 2),
             "no QP": int(r.infeasible_steps),
@@ -61,9 +62,8 @@ def compare(
         }
         for r in table.itertuples()
     ]
-    return Found(
-        out, f"{s.name} on {s.plant}: remedies, seeds {seeds[0]} to {seeds[-1]}, Ds {s.d_safe_m:g} m", rows
-    )
+    title = f"{s.name} on {s.plant}: remedies, seeds {seeds[0]} to {seeds[-1]}, Ds {s.d_safe_m:g} m"
+    return Found(out, title, rows, [f"intervals of rates: {Rate.method}"])
 
 
 def _straight(s: Scenario) -> float:
