@@ -131,13 +131,15 @@ class Campaign(Section):
         return range(self.first_seed, self.first_seed + count)
 
 
+_FOLDER = resources.files("testbed.campaigns") / "files"
+
+
 @cache
 def builtin() -> dict[str, str]:
     """Campaigns that come with the package: name -> TOML text."""
-    folder = resources.files("testbed.campaigns") / "files"
     return {
         f.name.removesuffix(".toml"): f.read_text(encoding="utf-8")
-        for f in sorted(folder.iterdir(), key=lambda f: f.name)
+        for f in sorted(_FOLDER.iterdir(), key=lambda f: f.name)
         if f.name.endswith(".toml")
     }
 
@@ -149,6 +151,7 @@ def load(source: str) -> tuple[Campaign, Path]:
     """
     name = source.removesuffix(".toml")
     path = Path(source)
+    folder = path.parent
     try:
         if path.is_file() or name not in builtin():
             if path.suffix != ".toml" and not path.exists():
@@ -156,6 +159,7 @@ def load(source: str) -> tuple[Campaign, Path]:
             text = read_text(path)
         else:
             text = builtin()[name]
+            folder = Path(str(_FOLDER))
         data = parse_toml(text)
     except FileNotFoundError:
         raise UserError(f"campaign file {short(source)} does not exist; {nearest(name, builtin())}") from None
@@ -164,7 +168,7 @@ def load(source: str) -> tuple[Campaign, Path]:
     except ValueError as error:
         raise UserError(str(error), file=source) from None
     try:
-        return parse(data, source), path.parent
+        return parse(data, source), folder
     except UserError as error:
         raise error.located(lambda field: line_of(text, field.split("."))) from None
 

@@ -89,11 +89,19 @@ def base(campaign: Campaign, folder: Path) -> Scenario:
     asked = [_path(name, "set") for name in campaign.set]
     for path, value in zip(asked, campaign.set.values(), strict=True):
         assign(data, path, value)
-    if ("airframes",) in asked:
-        data = placed(data | {"airframes_folder": ""}, folder, Path())
+    if named := _airframes(campaign):
+        there = placed({"airframes": named}, folder, Path())
+        data |= {"airframes_folder": there.get("airframes_folder", data["airframes_folder"])}
     # What has an effect in no cell is refused when all are known.
     data = scenario.without_foreign(data, asked)[0]
     return scenario.parse(data, "set" if campaign.set else source, keep_idle=True)
+
+
+def _airframes(campaign: Campaign) -> list[str]:
+    """The airframes that the campaign's own fields name: [set], the variants and the grid."""
+    sets = (campaign.set, *campaign.variants.values())
+    lists = [*(fields.get("airframes") for fields in sets), *campaign.grid.get("airframes", [])]
+    return [name for names in lists if isinstance(names, list) for name in names]
 
 
 def expand(
