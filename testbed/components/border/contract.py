@@ -95,8 +95,7 @@ class Contract:
     def array(self, what: str, value: Any, shape: tuple[int, ...]) -> Array:
         """A read-only copy of numbers; Breach unless of that shape, real, finite and below LARGEST."""
         out = self._numbers(what, value, shape, "fiu").astype(float)
-        if not np.vdot(out, out) <= LARGEST:
-            self.check_finite(what, out)
+        self.check_finite(what, out)
         return locked(out)
 
     def channel(self, what: str, value: Any) -> Array:
@@ -135,8 +134,9 @@ class Contract:
         if not isinstance(value, kind):
             raise self.breach(f"{what} is {_a(value)}, not a {kind.__name__}")
         out = np.empty((*shape, len(names)))
+        plain = type(value) is kind  # then its attributes are just that, and are taken quickly
         for k, name in enumerate(names):
-            column = self.call(f"{what}.{name}", getattr, value, name)
+            column = value.__dict__.get(name) if plain else self.call(what, getattr, value, name, None)
             if type(column) is not np.ndarray or column.shape != shape or column.dtype.kind != "f":
                 column = self._numbers(f"{what}.{name}", column, shape, "fiu")
             out[..., k] = column
@@ -146,6 +146,10 @@ class Contract:
         """A read-only copy of a State (N,), or of another shape; Breach unless it is one and finite."""
         return State.of(self._finite(what, value, State, STATE, shape))
 
+    def poses(self, what: str, value: Any) -> Array:
+        """The fields of `state` (N,), as one array (N, 4)."""
+        return self._finite(what, value, State, STATE, None)
+
     def command(self, what: str, value: Any, shape: tuple[int, ...] | None = None) -> Command:
         """A read-only copy of a Command (N,), or of another shape; Breach unless it is one and finite."""
         return Command.of(self._finite(what, value, Command, RATES, shape))
@@ -154,12 +158,13 @@ class Contract:
         self, what: str, value: Any, kind: type[Any], names: tuple[str, ...], shape: tuple[int, ...] | None
     ) -> Array:
         out = self.fields(what, value, kind, names, shape or (self.vehicles,))
-        if not np.vdot(out, out) <= LARGEST:
-            self.check_finite(what, out, names)
+        self.check_finite(what, out, names)
         return out
 
     def check_finite(self, what: str, values: Array, names: tuple[str, ...] = ()) -> None:
         """Breach naming the first number that is not finite, or beyond LARGEST; `names` of the last axis."""
+        if np.vdot(values, values) <= LARGEST:  # as always: a sum of squares shows all of them
+            return
         with np.errstate(invalid="ignore"):
             bad = ~(np.abs(values) <= LARGEST)
         if not bad.any():
