@@ -1,1 +1,1 @@
-"""Campaigns: many runs of one file, on as many processes or machines as there are; none lost, none twice."""
+"""Flies many runs of one file, on many processes or machines, resumable at any time."""

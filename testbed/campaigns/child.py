@@ -115,7 +115,7 @@ class Child:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env=ENVIRONMENT | os.environ,
-                # Ctrl-C in a terminal is for the parent, which then closes its children.
+                # Ctrl-C in a terminal reaches the parent only, which then closes its children.
                 start_new_session=True,
                 creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
             )

@@ -1,4 +1,4 @@
-"""The campaign file: a base scenario, the axes it is varied along, what is drawn, how many seeds. TOML."""
+"""Defines and reads the campaign file: base scenario, axes, random fields, seeds, stopping rule."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a campaign to its runs: cells times seeds, each run named by what it depends on."""
+"""Expands a campaign into its runs: cells times seeds, each run with an id of what it depends on."""
 
 from __future__ import annotations
 

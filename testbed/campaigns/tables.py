@@ -1,4 +1,4 @@
-"""A campaign's rows as columns: runs.parquet, timings.parquet. Equal rows give equal bytes."""
+"""Writes a campaign's rows as runs.parquet and timings.parquet. Equal rows give equal bytes."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Runs in formats that other programs read."""
+"""Writes runs in formats that other programs read."""

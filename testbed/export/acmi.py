@@ -1,4 +1,4 @@
-"""A run as a Tacview recording, ACMI 2.2: attitudes, the Ds bubble, the critical pair, bookmarks.
+"""Writes a run as a Tacview recording (ACMI 2.2): attitudes, Ds, the critical pair, bookmarks.
 
 Source  https://www.tacview.net/documentation/acmi/
 """

@@ -1,4 +1,4 @@
-"""A run as tidy CSV: long tables, one observation a row, the unit in each column's name."""
+"""Writes a run as CSV tables: one observation per row, the unit in each column's name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The instants of a run worth jumping to: where a claim broke, where a pair was nearest, why it ended."""
+"""Lists the events of a run: where a claim was violated, where a pair was closest, why it ended."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Tables, figures and pages made from finished runs."""
+"""Makes tables, figures and pages from finished runs."""

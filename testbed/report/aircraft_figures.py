@@ -1,4 +1,4 @@
-"""Plots of an airframe's datasheet."""
+"""Draws the figures of an airframe's datasheet."""
 
 from __future__ import annotations
 

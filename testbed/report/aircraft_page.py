@@ -1,4 +1,4 @@
-"""The datasheet of an airframe as one page that needs nothing else: no network, no files beside it."""
+"""Writes an airframe's datasheet as one self-contained page."""
 
 from __future__ import annotations
 

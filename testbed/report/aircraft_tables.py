@@ -1,4 +1,4 @@
-"""The datasheet of an airframe as tables: the same for the terminal, the page and the guide."""
+"""Makes the tables of an airframe's datasheet, for the terminal, the page and the guide."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a report is made of: parts, one a folder; their sections; and the few kinds of block in them."""
+"""Defines what a report page consists of: parts, one per folder, their sections and blocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of a campaign: rates and distributions, cell by cell."""
+"""Draws a campaign: rates and distributions, cell by cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A campaign as a part of a report: rates and distances of many runs, cell by cell."""
+"""Makes a campaign's part of a page: rates and distances of many runs, cell by cell."""
 
 from __future__ import annotations
 

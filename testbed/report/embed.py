@@ -1,4 +1,4 @@
-"""Figures as they go into a page: SVG whose ids are its own, or an image as an address."""
+"""Prepares figures for a page: SVG with ids of its own, or an image as a data address."""
 
 from __future__ import annotations
 

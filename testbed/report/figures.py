@@ -1,4 +1,4 @@
-"""Figures of runs: the paper's four panels with the plants overlaid, and what an aircraft adds."""
+"""Draws runs: the paper's four panels with the plants overlaid, and an aircraft's attitude and tracking."""
 
 from __future__ import annotations
 

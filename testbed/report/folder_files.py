@@ -1,4 +1,4 @@
-"""What the accounts of studies share: files of a folder as blocks of a page, and rates in words."""
+"""Turns files of a study's folder into blocks of a page, and rates into words."""
 
 from __future__ import annotations
 

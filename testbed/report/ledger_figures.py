@@ -1,4 +1,4 @@
-"""The ledger drawn: what each channel took from hdot over the encounter, and how often how much."""
+"""Draws the ledger: what each channel took from hdot over time, and its quantiles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the player in a report shows: runs thinned, quantised and delta-coded, small enough for one page."""
+"""Prepares the data of a page's player: runs thinned, rounded and coded as differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One run, or one scenario on several plants, as a part of a report."""
+"""Makes the part of a page about one run, or one scenario on several plants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables that travel with the figures of a run, thinned: a page is no archive, the run folder is."""
+"""Makes the thinned tables that a page offers beside the figures of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings and provenance: what a result depends on, readable and complete."""
+"""Makes the tables of settings and provenance: everything that a result depends on."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Questions that take many runs: how well the paper is reproduced, when overriding begins, the kink."""
+"""Questions that take many runs, one folder each: how it is flown, tabulated and drawn."""

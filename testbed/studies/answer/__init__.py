@@ -1,1 +1,1 @@
-"""The answer study."""
+"""The central table: aircraft, numbers of vehicles, weather and remedies."""

@@ -1,4 +1,4 @@
-"""The question this project is for, answered in one table: aircraft, numbers, weather, remedies.
+"""Flies the central table: aircraft, numbers of vehicles, weather and remedies.
 
 Every row is one setting flown from common seeded starts; the verdict is separation at the scenario's Ds.
 """

@@ -1,1 +1,1 @@
-"""What several studies share: one measured run, what a study found and wrote."""
+"""What several studies share: one measured run, and the result that the command line prints."""

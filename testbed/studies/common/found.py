@@ -1,4 +1,4 @@
-"""What a study found and wrote, for the command line to print; what its numbers depend on."""
+"""Holds what a study found, for the command line to print, and what its numbers depend on."""
 
 from __future__ import annotations
 

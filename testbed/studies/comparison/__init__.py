@@ -1,1 +1,1 @@
-"""The comparison study."""
+"""One scenario on several plants, side by side."""

@@ -1,8 +1,8 @@
-"""The least margin within bounds, and the smallest departure that violates.
+"""Searches the least margin within bounds, and the smallest departure that violates.
 
 The search goes from the theorem's world outwards: the scenario as it stands; starts alone, in a Latin
 hypercube; starts with wind and delay; then Powell's method from the best of these, over the offsets of
-the two vehicles that came closest, wind and delay. It stops at the first violation, and that is shrunk.
+the two vehicles that came closest, wind and delay. It stops at the first violation, which is then shrunk.
 """
 
 from __future__ import annotations

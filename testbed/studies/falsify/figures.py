@@ -1,4 +1,4 @@
-"""Figures of a search for violations: every flight's margin, and the counterexample it came to."""
+"""Draws a search for violations: the margin of every flight, and the counterexample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a departure that violates to the smallest one found that still does.
+"""Reduces a departure that violates to the smallest one found that still does.
 
 What is tried is a list of vectors at a time, and the answer is the place of the first that violates: the
 same whether they are flown one after another or at once. Nothing is assumed of the violation, least of all

@@ -1,4 +1,4 @@
-"""What a falsifier may change: starts, headings, heights, wind and delay, each within a bound.
+"""Describes what the search may change: starts, headings, heights, wind and delay, within bounds.
 
 A departure is a vector in units of the bounds; 0 is the scenario as it stands, whatever wind, delay or
 offsets of its own it has.

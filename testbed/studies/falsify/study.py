@@ -1,4 +1,4 @@
-"""What a falsifier leaves: a scenario file that shows what was found, its account, two figures."""
+"""Writes what the search found: a scenario file that shows it, tables, two figures."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The kink study."""
+"""The kink of the paper's turn barrier at equal headings."""

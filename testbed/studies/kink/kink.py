@@ -1,4 +1,4 @@
-"""The kink study: what +-5 degrees of heading do to the paper's turn barrier, and to the smoothed one.
+"""Flies the kink study: +-5 degrees of heading on the paper's turn barrier and on the smoothed one.
 
 h = sqrt(A1 - |Z|) - Ds has a concave kink at Z = 0, met at equal headings; delta rounds it over about 3e-6
 rad only. A sampled controller steps across it and loses h each time. The study flies the paper's 20-vehicle

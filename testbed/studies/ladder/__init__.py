@@ -1,1 +1,1 @@
-"""The ladder study."""
+"""The fidelity ladder: from the unicycle to an aircraft in weather, one departure at a time."""

@@ -1,4 +1,4 @@
-"""The fidelity ladder: from the unicycle of the theorem to an aircraft in weather, one departure at a time.
+"""Flies the fidelity ladder: from the unicycle to an aircraft in weather, one departure at a time.
 
 Each rung is the scenario with some fields overridden, flown from the same starts with the same seeds; the
 mean paired differences of neighbouring rungs telescope to the whole. Each departure is also tried alone, on

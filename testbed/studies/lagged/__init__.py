@@ -1,1 +1,1 @@
-"""The lagged study."""
+"""The lagged plant compared with the aircraft."""

@@ -1,4 +1,4 @@
-"""What the lagged plant lacks of the aircraft: the head-on encounter on both, from perturbed starts.
+"""Compares the lagged plant with the aircraft: the head-on encounter from perturbed starts.
 
 python -m testbed.studies.lagged.lagged x8 rascal > docs/guide/data/lagged.csv
 """

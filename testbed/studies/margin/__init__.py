@@ -1,1 +1,1 @@
-"""The margin study."""
+"""The smallest setting of a remedy that meets a violation rate."""

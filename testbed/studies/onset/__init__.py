@@ -1,1 +1,1 @@
-"""The onset study."""
+"""When overriding begins, for several class-K functions and the navigation function."""

@@ -1,4 +1,4 @@
-"""When overriding begins: cubic and linear alpha, and the navigation function.
+"""Measures when overriding begins: cubic and linear alpha, and the navigation function.
 
 Squires et al. 2022, Section VI, remark that the navigation function evades earlier than the barrier with the
 cubic alpha, and that a linear alpha with a small coefficient may override as early.

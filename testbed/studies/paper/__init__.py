@@ -1,1 +1,1 @@
-"""The paper study."""
+"""The paper's figures flown again."""

@@ -1,4 +1,4 @@
-"""Figures 2, 3 and 6 of Squires et al. 2022, panel by panel, from runs of the scenarios behind them."""
+"""Draws figures 2, 3 and 6 of Squires et al. 2022 from runs of the scenarios behind them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`testbed figures`: fly what a figure needs, draw it, and write the numbers beside it."""
+"""Flies what the paper's figures need, draws them, and writes the numbers beside them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How near the runs behind the paper's figures come to the figures as published.
+"""Measures how near runs come to the paper's figures as published.
 
 The curves of figure 2 are in `published` beside this module: each vertex is an exact sample of the authors'
 run, but the vertices are a thinned subset, so curves are compared there and nowhere else.

@@ -1,1 +1,1 @@
-"""The remedies study."""
+"""Remedies compared at equal seeds."""

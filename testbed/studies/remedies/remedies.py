@@ -1,4 +1,4 @@
-"""What restores the guarantee: remedies compared at equal seeds."""
+"""Compares remedies at equal seeds."""
 
 from __future__ import annotations
 

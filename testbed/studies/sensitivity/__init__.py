@@ -1,1 +1,1 @@
-"""The sensitivity study."""
+"""How the assumed inertia and thrust of an airframe change its flights."""

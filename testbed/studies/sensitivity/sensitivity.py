@@ -1,4 +1,4 @@
-"""How far an airframe's assumptions reach: the same flights with another inertia and another thrust.
+"""Flies an airframe with other inertia and other thrust, to see how far its assumptions matter.
 
     python -m testbed.studies.sensitivity.sensitivity x8
 

@@ -1,1 +1,1 @@
-"""The tuning study."""
+"""Gains of an airframe's autopilot: scored, swept, optimised."""

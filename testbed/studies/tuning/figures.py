@@ -1,4 +1,4 @@
-"""Plots of swept gains: the guarantee, the steps and the margins against the gain."""
+"""Draws swept gains: the guarantee, the steps and the margins against the gain."""
 
 from __future__ import annotations
 
