@@ -13,6 +13,7 @@ import testbed
 from testbed.errors import NoteWarning, UserError
 from testbed.scenario.scenario import builtin, load, parse
 from testbed.scenario.variants import changed, load_base, load_each
+from testbed.simulation.refly import refly
 from testbed.verification.check import verify
 
 GAMMA = "barrier.manoeuvres=[{v_mps=16, omega_degps=11.7}]"
@@ -147,6 +148,7 @@ def test_a_run_folder_of_schema_1_is_loaded_and_verified(tmp_path: Path) -> None
     seal(tmp_path / "r")
     assert testbed.load(tmp_path / "r").manifest["scenario"]["schema_version"] == 1
     assert not [f for f in verify(tmp_path / "r") if f.agrees is False]
+    assert not [f.what for f in refly(tmp_path / "r") if f.agrees is False]
 
 
 TEXT = 'name = "e"\r\nvehicles = 2\r\nduration_s = 0.5 # \N{DEGREE SIGN}\r\n'

@@ -173,6 +173,8 @@ def settled(data: dict[str, Any], where: str = "scenario") -> tuple[Scenario, di
     data, dropped = without_foreign(data)
     if is_old(data):
         data["schema_version"] = SCHEMA_VERSION
+        if data.get("plant", "unicycle") == "unicycle" and isinstance(data.get("start"), dict):
+            data["start"].pop("speed_mps", None)  # with schema 1 a unicycle did not have it
     made = parse(data, where, keep_idle=True)
     while found := idle(made):
         for path in found:

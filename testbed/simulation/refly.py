@@ -19,7 +19,7 @@ from testbed.components import catalogue
 from testbed.errors import UserError
 from testbed.records.checksums import sha256
 from testbed.scenario.location import identity, placed
-from testbed.scenario.scenario import parse
+from testbed.scenario.scenario import is_old, parse, settled
 from testbed.simulation.simulate import Progress, run
 from testbed.verification.finding import Finding
 
@@ -38,7 +38,8 @@ def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
     if parts := manifest.get("parts"):
         words = ", ".join(f"{what} {origin['name']}" for what, origin in sorted(parts.items()))
         return [Finding("flown again", "a run", "not flown", None, None, f"it had parts of its own: {words}")]
-    s = parse(placed(manifest["scenario"], folder), f"{folder / 'manifest.json'}: scenario", keep_idle=True)
+    data, where = placed(manifest["scenario"], folder), f"{folder / 'manifest.json'}: scenario"
+    s = settled(data, where)[0] if is_old(data) else parse(data, where, keep_idle=True)
     try:
         found = list(_airframes(manifest, catalogue.airframe_hashes(s)))
     except UserError as error:
@@ -89,9 +90,14 @@ def _compared(old: Path, new: Path, manifest: dict[str, Any]) -> Iterator[Findin
             f"again: {name}", _word(said.get(name)), _word(flown.get(name)), False, None, "flown otherwise"
         )
     fresh = json.loads((new / "manifest.json").read_text(encoding="utf-8"))
-    manifest, fresh = (m | {"scenario": identity(m["scenario"])} for m in (manifest, fresh))
+    manifest, fresh = (m | {"scenario": _flown(m["scenario"])} for m in (manifest, fresh))
     odd = [k for k in sorted({*manifest, *fresh} - PASSING) if manifest.get(k) != fresh.get(k)]
     yield Finding("again: manifest", "as written", ", ".join(odd) or "as written", not odd)
+
+
+def _flown(scenario: dict[str, Any]) -> dict[str, Any]:
+    """A manifest's scenario as this program says it, wherever its airframes lie."""
+    return identity(settled(scenario)[0].model_dump(mode="json") if is_old(scenario) else scenario)
 
 
 def _word(entry: dict[str, Any] | None) -> str:
