@@ -9,9 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from testbed.campaigns import file as campaign_file
+from testbed.campaigns import plan
 from testbed.report.tables import number
-from testbed.scenario.scenario import load
+from testbed.scenario.scenario import load, parse
 from testbed.simulation.simulate import run
+from testbed.statistics import rate_of
 from testbed.studies.ladder import ladder
 from testbed.studies.margin import margin
 from testbed.studies.remedies import remedies
@@ -166,6 +169,40 @@ def test_what_the_page_says_of_the_ladder() -> None:
         runs = pd.read_csv(DATA / "ladder" / name / "runs.csv")
         flown = runs[runs.rung == "6-DOF"].distance_m
         assert (round(flown.std(), 1), round(flown.min(), 1)) == (spread, least)
+
+
+def test_the_remedys_assumptions_are_the_committed_runs() -> None:
+    runs = pd.read_csv(DATA / "assumptions/runs.csv")
+    counts = {}
+    for case, of in runs.groupby("case"):
+        lost = rate_of(int((of.separation_verdict != "holds").sum()), len(of))
+        low, high = 100 * lost.low, 100 * lost.high
+        row = f"| {case} | {lost.count} of {lost.runs} | {low:.1f} to {high:.1f} %"
+        row += f" | {of.separation_value.min():.2f} | {of.separation_value.median():.2f} |"
+        assert row in guide("ladder.md")
+        counts[case] = f"{lost.count} of {lost.runs}"
+    readme = " ".join((ROOT / "README.md").read_text("utf-8").split())
+    assert f"{counts['slow autopilot, look-ahead 10 m, remedy']} encounters lose Ds" in readme
+    late = [counts[f"{sensing}, look-ahead 1 m, remedy"] for sensing in ("120 ms late", "exact sensing")]
+    assert f"look-ahead of 1 m, {late[0]} do; {late[1]} do with" in readme
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file", "cell", "case"),
+    [
+        ("late-sensors", 1, "120 ms late, look-ahead 1 m, remedy"),
+        ("slow-autopilot", 1, "slow autopilot, look-ahead 10 m, remedy"),
+    ],
+)
+def test_the_remedys_assumptions_are_what_a_run_says_today(file: str, cell: int, case: str) -> None:
+    folder = DATA / "assumptions"
+    campaign, beside = campaign_file.load(str(folder / f"{file}.toml"))
+    planned = plan.expand(campaign, plan.base(campaign, beside))
+    first = planned.of(cell)[0]
+    kept = pd.read_csv(folder / "runs.csv").query("case == @case").set_index("seed")
+    value = run(parse(planned.data(first))).guarantee("separation")["value"]
+    assert value == pytest.approx(kept.separation_value[first.seed], abs=5e-3)
 
 
 def test_what_the_page_says_of_margins() -> None:
