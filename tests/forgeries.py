@@ -21,7 +21,13 @@ RUNS = {
     "wind": [*SHORT, "plant=jsbsim", 'airframes=["x8", "rascal"]', *WIND, "manoeuvre_instants=0"],
     "gusts": [*SHORT, "plant=jsbsim", "gusts.intensity=moderate", "manoeuvre_instants=0"],
     "late": [*SHORT, "sensing.delay_s=0.1", "ds_buffer_m=0.5", "derate=0.9", "height_perturbation_m=1"],
-    "limited": [*SHORT, "duration_s=3.5", "filter.kind=limited", "remedy.issf_epsilon=10", "remedy.robust_v_mps=0.2"],
+    "limited": [
+        *SHORT,
+        "duration_s=3.5",
+        "filter.kind=limited",
+        "remedy.issf_epsilon=10",
+        "remedy.robust_v_mps=0.2",
+    ],
     "monitored": [*SHORT, "filter.monitor=true"],
     "lagged": [*SHORT, "plant=lagged", "lags.source=table", "omega_time_constant_s=0.4", "alpha.kind=linear"],
 }  # fmt: skip
@@ -62,8 +68,10 @@ def _cells(table: str, column: str, rows: slice, by: float, factor: float = 1.0)
 
 # Column -> what is added to a cell, and the factor that all are scaled with.
 TELEMETRY = {
-    "roll_rad": (0.02, 0.9), "pitch_rad": (0.001, 1.05), "heading_rad": (0.001, 0.99), "alpha_rad": (0.001, 1.05),
-    "beta_rad": (0.001, 0.5), "airspeed_mps": (0.01, 1.01), "throttle": (-0.1, 0.9), "load_factor": (1.0, 1.2),
+    "roll_rad": (0.02, 0.9), "pitch_rad": (0.001, 1.05), "heading_rad": (0.001, 0.99),
+    "alpha_rad": (0.001, 1.05),
+    "beta_rad": (0.001, 0.5), "airspeed_mps": (0.01, 1.01), "throttle": (-0.1, 0.9),
+    "load_factor": (1.0, 1.2),
     "limited_v": (-1.0, 0.0), "limited_omega": (1.0, 0.0), "limited_zeta": (1.0, 0.0),
     "elevon_left_rad": (0.01, 0.9), "aileron_left_rad": (0.01, 0.9),
 }  # fmt: skip
@@ -189,8 +197,10 @@ FIELDS: dict[str, dict[str, Any]] = {
     "wind": {
         "wind.speed_mps": 5.0, "wind.towards_deg": 60.0, "wind.updraft_mps": 0.0, "wind.shear_exponent": 0.3,
         "plant": "lagged", "duration_s": 2.5, "vehicles": 3, "d_safe_m": 4.5, "goal_radius_m": 25.0,
-        "rates.fdm_dt_s": 0.01, "rates.filter_dt_s": 0.025, "rates.record_dt_s": 0.1, "limits.v_max_mps": 24.0,
-        "limits.omega_max_degps": 12.0, "limits.zeta_max_mps": 3.0, "start.radius_m": 61.0, "start.speed_mps": 19.0,
+        "rates.fdm_dt_s": 0.01, "rates.filter_dt_s": 0.025, "rates.record_dt_s": 0.1,
+        "limits.v_max_mps": 24.0,
+        "limits.omega_max_degps": 12.0, "limits.zeta_max_mps": 3.0, "start.radius_m": 61.0,
+        "start.speed_mps": 19.0,
         "start.course_offset_deg": 1.0, "nominal.lookahead_m": 9.0, "nominal.gain_per_s": 0.2,
         "barrier.v_mps": 17.0, "barrier.omega_degps": 11.0, "barrier.sigma": 1.1, "barrier.delta_m2": 0.5,
         "barrier.form": "squared", "alpha.coefficient": 0.2, "filter.kind": "limited", "filter.monitor": True,
@@ -200,7 +210,8 @@ FIELDS: dict[str, dict[str, Any]] = {
         "gusts.jsbsim_turbulence": "light",
     },
     "late": {
-        "sensing.delay_s": 0.05, "remedy.ds_buffer_m": 0.0, "remedy.derate": 1.0, "seed": 2, "plant": "lagged",
+        "sensing.delay_s": 0.05, "remedy.ds_buffer_m": 0.0, "remedy.derate": 1.0,
+        "seed": 2, "plant": "lagged",
         "start.height_perturbation_m": 2.0, "network.latency_s": 0.1, "sensing.position_noise_m": 1.0,
     },
     "limited": {

@@ -1,4 +1,4 @@
-"""Everything in a run folder is checked or named as not covered; forgeries of it differ or touch what is named."""
+"""All of a run folder is checked or named as not covered; forgeries of it differ or touch what is named."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """What the fuzz tests share: how many cases, junk, TOML, and changes to a document.
 
-`make test` tries 1,000 files and 2,000 compositions of parts, the same every time; `make soak` twenty times as many, new every time.
+`make test` tries 1,000 files and 2,000 compositions of parts, the same every time;
+`make soak` tries twenty times as many, new every time.
 """
 
 from __future__ import annotations
