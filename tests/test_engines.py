@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import copy, load
+from aircraft.autopilots.specification import margin_rows
 from aircraft.check.check import check
 from aircraft.jsbsim.engines import settle
 from aircraft.jsbsim.errors import FdmError
@@ -90,6 +91,15 @@ def test_it_begins_where_it_was_asked_to(airframe):
 
 def test_it_is_clean(airframe):
     assert [f for f in check(airframe.folder) if f.severity == "error"] == []
+
+
+@pytest.mark.slow
+def test_the_throttle_loop_has_the_margins_that_are_measured(tmp_path):
+    """The linear model takes engines as settled: it would say 63 deg and 39 dB."""
+    airframe = load(powered(tmp_path / "electric", ELECTRIC, "screw"))
+    found = {row.quantity: row.value for row in margin_rows(airframe, [20.0]) if "throttle" in row.case}
+    assert found["phase_deg"] == pytest.approx(48.7, abs=2.0)
+    assert found["gain_db"] == pytest.approx(14.0, abs=1.0)
 
 
 class Stock:

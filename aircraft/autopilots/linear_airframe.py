@@ -31,6 +31,7 @@ class Point:
     a, b     d(STATES)/dt by STATES (9, 9) and by the actuated commands (9, M)
     c, d     properties the autopilot uses (U) by STATES (U, 9) and by the commands (U, M)
     memory   the autopilot's values, name -> value
+    engine_lag  whether engines have a lag of their own, which is left out: they count as settled
     """
 
     trim: Array
@@ -39,6 +40,7 @@ class Point:
     c: Array
     d: Array
     memory: dict[str, float]
+    engine_lag: bool = False
 
 
 def derivative(fdm: Fdm, x: Array, commands: Mapping[str, float]) -> Array:
@@ -79,7 +81,9 @@ def differentiate(airframe: Airframe, v: float, dt: float, names: Mapping[str, s
         for path in names.values()
     ]
     states, inputs = np.array(by_state).T, np.array(by_command).T
-    return Point(x, states[:9], inputs[:9], states[9:], inputs[9:], memory)
+    return Point(
+        x, states[:9], inputs[:9], states[9:], inputs[9:], memory, engine_lag=bool(fdm.engine_states)
+    )
 
 
 def actuator(airframe: Airframe, v: float, dt: float, path: str) -> tuple[float, float]:

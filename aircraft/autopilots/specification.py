@@ -11,7 +11,7 @@ import numpy as np
 from aircraft.airframes.schema import Airframe, Speeds
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import linear_model
-from aircraft.autopilots.margins import Margins, margins, model_response
+from aircraft.autopilots.margins import Margins, margins, model_response, response
 from aircraft.autopilots.stability import unstable_modes
 from aircraft.autopilots.tuning import Flight, Score, course_rate, fly, score
 from aircraft.jsbsim.fdm import Fdm
@@ -154,6 +154,8 @@ def margin_rows(
 ) -> list[Row]:
     """Margins of every loop at every trim speed, of the linear model; NaN where the closed loop is unstable.
 
+    The throttle's are measured in flight where the engine has a lag of its own.
+
     unstable  speeds [m/s] at which a flight showed that it is, whatever the linear model says
     """
     rows = []
@@ -161,7 +163,11 @@ def margin_rows(
         model = linear_model(airframe, v, dt)
         stable = v not in unstable and not unstable_modes(model, v)
         for loop in loops(airframe):
-            found = margins(model_response(model, loop, _FREQUENCY)) if stable else _NO_MARGINS
+            found = _NO_MARGINS
+            if stable and loop == "throttle" and model.point.engine_lag:
+                found = margins(response(airframe, v, loop, dt))
+            elif stable:
+                found = margins(model_response(model, loop, _FREQUENCY))
             for name, bound in MARGINS.items():
                 rows.append(
                     Row("margins", f"{loop} at {v:g} m/s", name, getattr(found, name), bound, at_most=False)

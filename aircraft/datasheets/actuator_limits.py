@@ -1,4 +1,4 @@
-"""How far surfaces travel, read from the flight model."""
+"""Reads the limits of surfaces and throttle from the flight model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from aircraft.airframes.xml import read
 def actuator_limits(airframe: Airframe) -> dict[str, tuple[float, float]]:
     """Telemetry name -> least and greatest position, for the surfaces that the model clips, and the throttle.
 
-    rad, the throttle 0 to 1. A surface without a <clipto> of numbers is left out: it has no stop.
+    rad, the throttle 0 to 1. A surface without a <clipto> of numbers has no limit and is left out.
     """
     root = read(airframe.folder / f"{airframe.model}.xml")
     stops = {}

@@ -1,4 +1,4 @@
-"""Everything `testbed aircraft describe` says of an airframe: plain numbers, units in the names."""
+"""Computes the datasheet of an airframe, which `testbed aircraft describe` prints: units in the names."""
 
 from __future__ import annotations
 

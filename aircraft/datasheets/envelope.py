@@ -1,4 +1,4 @@
-"""What an airframe can do at each speed, and whether it can fly every input of a filter's box."""
+"""Computes what an airframe can do at each speed, and whether it can fly every input of a filter's box."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Corner:
 
 
 class _Bench:
-    """An airframe at rest in time, to ask for forces and steady flights."""
+    """One flight model that is evaluated and not flown: forces and steady flights."""
 
     def __init__(self, airframe: Airframe) -> None:
         self.fdm = Fdm(airframe, _DT_S, Origin())
