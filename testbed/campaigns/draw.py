@@ -1,8 +1,8 @@
 """Draws the random fields of a campaign's runs.
 
 Each field of each run has a generator of its own, from the run's seed and the field's name. So a field that
-is added changes no other, equal seeds have equal draws in every cell, and the streams that the run itself draws
-from (`testbed.components.initial_conditions.STREAMS`) stay as they are.
+is added changes no other, equal seeds have equal draws in every cell, and the streams that the run itself
+draws from (`testbed.components.initial_conditions.STREAMS`) stay as they are.
 """
 
 from __future__ import annotations
