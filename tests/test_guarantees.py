@@ -11,13 +11,15 @@ from filters.barriers.closed_form import TurnBarrier
 from filters.barriers.euclidean import EuclideanBarrier
 from filters.cbf.theorem_monitor import theorem_checks
 from filters.filter import MonitorRecord
-from filters.model import Command, Limits, State
+from filters.model import Command, Limits, State, View
 from testbed.claims.guarantees import Flown, judge
 from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
 from testbed.components.components import Parts
-from testbed.measures.run_statistics import Extreme, RunStatistics
+from testbed.measures.extreme import Extreme
+from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.saturation import Saturation
+from testbed.records.run import Run
 from testbed.records.verdict import Kind, Verdict
 from testbed.scenario.scenario import Scenario, load
 from testbed.simulation.simulate import run
@@ -111,6 +113,7 @@ def good_statistics(vehicles: int = 2) -> RunStatistics:
     statistics.goal.update(0.0, np.zeros(vehicles))
     statistics.passed = np.zeros(vehicles)
     statistics.filter_steps = statistics.solves = 1
+    statistics.bends.largest = np.zeros(vehicles)  # straight paths
     return statistics
 
 
@@ -257,7 +260,73 @@ def test_a_pairs_entry_names_the_worst_pair_its_time_and_how_far_it_is_from_the_
             7.5 - bound,
         )
         assert (found[name]["t_s"], found[name]["vehicles"]) == (2.5, [2, 3])
-    assert found["separation"]["detail"] == {"between_steps_m": 7.25}
+    assert found["separation"]["detail"] == {"between_steps_m": 7.25, "possible_m": 7.25}
+
+
+@pytest.mark.parametrize(
+    ("sampled", "chord", "bend", "status", "value", "why"),
+    [
+        (5.2, 5.1, 0.1, "holds", 5.2, ""),  # at least 5.05
+        (5.2, 5.1, 0.2, "holds", 5.2, ""),  # at least 5
+        (5.2, 5.101, 0.8, "open", 5.2, "as near as 4.701 m: sample finer, fdm_dt_s <= 0.0025 would do"),
+        (5.2, 4.9, 0.8, "open", 5.2, "as near as 4.5 m: sample finer, for example fdm_dt_s = 0.0012"),
+        (5.2, 4.9, 0.1, "violated", 4.95, ""),  # at most 4.95, between samples
+        (4.8, 4.7, 0.8, "violated", 4.8, ""),
+        (5.2, 5.1, np.inf, "open", 5.2, "may be anywhere: sample finer, for example fdm_dt_s = 0.0012"),
+    ],
+)
+def test_separation_holds_only_where_paths_cannot_come_nearer_between_samples(
+    sampled: float, chord: float, bend: float, status: str, value: float, why: str
+) -> None:
+    statistics = good_statistics()
+    statistics.separation.value[:], statistics.between.value[:] = sampled, chord
+    statistics.separation.t[:], statistics.between.t[:] = 1.0, 2.0
+    statistics.bends.largest = np.full(2, bend)
+    found = judged(statistics)["separation"]
+    assert (found["verdict"], found["value"]) == (status, pytest.approx(value))
+    assert why in found["why"] and bool(why) == bool(found["why"])
+    assert found["margin"] == pytest.approx(found["value"] - 5.0)
+    assert found["t_s"] == (2.0 if value == 4.95 else 1.0)
+    ended = judged(statistics, end="vehicle 1: ground")["separation"]
+    assert ended["verdict"] == ("violated" if status == "violated" else "premise not met")
+
+
+def two_arcs(gap: float, plant: str) -> Run:
+    """Two vehicles whose paths bend towards each other between two samples, and nowhere else come so near."""
+    rate, speed = 0.2268, 25.0
+    angle = 1.5 * rate
+    y = gap + 2 * speed / rate * (1 - np.cos(angle))
+    course = np.degrees(angle)
+    places = ", ".join(
+        f"{{x_m=0, y_m={y_m}, course_deg={towards}, goal_x_m=400, goal_y_m={y_m}}}"
+        for y_m, towards in ((0.0, course), (y, -course))
+    )
+    overrides = ['start.pattern="list"', f"start.places=[{places}]", 'filter.kind="none"', "fdm_dt_s=1"]
+    overrides += ["filter_dt_s=1", "record_dt_s=1", "duration_s=3", "manoeuvre_instants=0"]
+
+    class Arcs:
+        def __call__(self, t: float, view: View) -> Command:
+            return Command([speed, speed], [-rate, rate], 0.0)
+
+    def plain(scenario: Scenario, wind: np.ndarray) -> KinematicFleet:
+        return KinematicFleet(scenario.vehicles, scenario.rates.fdm_dt_s)
+
+    own = {"plant": plain} if plant == "own" else {}
+    return run(load("paper-2-turn", overrides), force=True, parts=Parts(nominal=lambda *_: Arcs(), **own))
+
+
+@pytest.mark.parametrize(
+    ("gap", "plant", "status"),
+    [(4.0, "", "violated"), (5.0 + 1e-6, "", "holds"), (5.0 - 1e-6, "", "violated"), (4.0, "own", "open")],
+)
+def test_two_arcs_that_meet_between_samples_are_judged_by_where_they_meet(
+    gap: float, plant: str, status: str
+) -> None:
+    found = two_arcs(gap, plant).guarantee("separation")
+    assert found["verdict"] == status
+    if status == "violated":
+        assert found["value"] == pytest.approx(gap, abs=1e-8) and found["t_s"] == pytest.approx(1.5, abs=1e-3)
+    assert (found["value"] < 5.0) == (status == "violated")
 
 
 def test_qps_without_a_solution_are_counted_by_status_and_the_first_is_named() -> None:

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbed.claims import own_filter, registry
-from testbed.claims.judging import at_pair, decide, premise_not_met
+from testbed.claims.judging import at_pair, decide, finer, leave_open, premise_not_met
 from testbed.claims.registry import Claim
+from testbed.measures.between_samples import TOLERANCE_M
 from testbed.measures.run_statistics import RunStatistics
 from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import Scenario
@@ -69,11 +70,18 @@ def judge(f: Flown) -> list[Verdict]:
 def _separation(f: Flown, v: Verdict) -> Verdict:
     if not f.i.size:
         return v.but(why="one vehicle has nobody to keep clear of")
-    d_safe = f.scenario.d_safe_m
-    _, least, _ = f.statistics.separation.worst()
+    d_safe, dt = f.scenario.d_safe_m, f.scenario.rates.fdm_dt_s
+    possible, reached = f.statistics.least_distances()
     _, between, _ = f.statistics.between.worst()
-    v = at_pair(v, f.statistics.separation, f.i, f.j, d_safe).but(detail={"between_steps_m": between})
-    return decide(v, least >= d_safe and not between < d_safe, f.end)
+    (_, sampled, _), (_, nearest, _) = f.statistics.separation.worst(), reached.worst()
+    # The value is that of the samples, unless only a passing between them tells.
+    v = at_pair(v, reached if nearest < d_safe <= sampled else f.statistics.separation, f.i, f.j, d_safe)
+    worst = int(np.argmin(possible))
+    v = v.but(detail={"between_steps_m": between, "possible_m": float(possible[worst])})
+    if not nearest >= d_safe or possible[worst] >= d_safe - TOLERANCE_M:
+        return decide(v, nearest >= d_safe, f.end)
+    radius = f.statistics.bends.radius(f.i[[worst]], f.j[[worst]])
+    return leave_open(v, finer(float(possible[worst]), float(radius[0]), d_safe, dt), f.end)
 
 
 def _invariance(f: Flown, v: Verdict) -> Verdict:

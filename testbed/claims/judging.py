@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbed.measures.run_statistics import Extreme
+from testbed.measures.extreme import Extreme
 from testbed.records.verdict import Kind, Status, Verdict
 
 
@@ -22,6 +22,31 @@ def decide(verdict: Verdict, holds: bool, end: str | None) -> Verdict:
     if holds and end:
         return verdict.but(status=Status.PREMISE_NOT_MET, why=end)
     return verdict.but(status=Status.HOLDS if holds else Status.VIOLATED)
+
+
+def leave_open(verdict: Verdict, why: str, end: str | None) -> Verdict:
+    """Open, `why` saying what would decide it. A run that ended early (`end` says why) decides nothing."""
+    if end:
+        return verdict.but(status=Status.PREMISE_NOT_MET, why=end)
+    return verdict.but(status=Status.OPEN, why=why)
+
+
+def finer(possible: float, radius: float, bound: float, dt: float) -> str:
+    """Why a distance between samples is open, and the period of the flight dynamics that would decide it.
+
+    possible  m, lower bound of the distance, below `bound`
+    radius    m, how far paths may leave the straight lines between samples `dt` [s] apart; grows with dt^2
+    """
+    room = possible + radius - bound
+    if room > 0.0 and np.isfinite(radius):
+        share, would = float(np.sqrt(room / radius)), "fdm_dt_s <= {:.2g} would do"
+    else:  # the straight lines themselves are nearer, by less than the paths may leave them
+        share, would = 0.25, "for example fdm_dt_s = {:.2g}"
+    period = dt * share
+    digit = 10.0 ** (np.floor(np.log10(period)) - 1)
+    may = f"come as near as {possible:.6g} m" if np.isfinite(possible) else "be anywhere"
+    would = would.format(np.floor(period / digit) * digit)
+    return f"paths between samples may {may}: sample finer, {would}"
 
 
 def decide_premise(verdict: Verdict, holds: bool, why: str = "") -> Verdict:

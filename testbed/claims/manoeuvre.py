@@ -7,6 +7,7 @@ the paper rests on that; here it is flown, from branches of the recorded flight.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from aircraft.plant import Plant
 from filters.barriers.pairs import Barrier
 from filters.model import Array, Command, Limits, State
 from testbed.claims.guarantees import H_TOLERANCE_M
-from testbed.claims.judging import decide, premise_not_met
+from testbed.claims.judging import decide, finer, leave_open, premise_not_met
 from testbed.claims.registry import MANOEUVRE_KEEPS_DS
+from testbed.measures.between_samples import Bends, closest_on_arcs, nearest_on_chords
 from testbed.measures.near_misses import NearMisses
 from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import Scenario
@@ -54,6 +56,7 @@ def fly(
     when: list[float],
     i: np.ndarray,
     j: np.ndarray,
+    arcs: bool,
 ) -> Verdict:
     """G9: one verdict, its detail a row per instant.
 
@@ -62,6 +65,7 @@ def fly(
     when    instants to start with; what they leave of `checks.manoeuvre_instants` goes, one at a time,
             halfway between the worst instant so far and the worse of its neighbours
     i, j    vehicles of each pair, from 0
+    arcs    whether the vehicles are unicycles, which fly gamma exactly
     """
     v = MANOEUVRE_KEEPS_DS.unjudged(s.barrier.form, s.goal_radius_m)
     if not i.size:
@@ -78,8 +82,8 @@ def fly(
             break
         plant = branch(step * dt)
         h = barrier.values(plant.state()).h
-        least, fault = _least_distance(plant, wind, limits.clip(gamma), step * dt, i, j)
-        rows[step] = _row(s, step * dt, h, least, i, j) | {"fault": fault}
+        reached, fault = _fly(plant, wind, limits.clip(gamma), step * dt, i, j, s.d_safe_m, arcs)
+        rows[step] = _row(s, step * dt, h, reached, i, j) | {"fault": fault}
     branches = [rows[step] for step in sorted(rows)]
     v = v.but(detail={"branches": branches})
     safe = [row for row in branches if row["safe_pairs"]]
@@ -95,18 +99,39 @@ def fly(
         vehicles=tuple(worst["vehicles"]),
         why=fault or f"flown from h = {worst['h']:.2f}, which promises {worst['promised_m']:.2f} m",
     )
-    return decide(v, value >= s.d_safe_m - H_TOLERANCE_M and not fault, None)
+    doubtful = min(safe, key=lambda row: row["possible_m"])
+    low = s.d_safe_m - H_TOLERANCE_M
+    if fault or value < low or doubtful["possible_m"] >= low:
+        return decide(v, value >= low and not fault, None)
+    why = finer(doubtful["possible_m"], doubtful["radius_m"], s.d_safe_m, s.rates.fdm_dt_s)
+    return leave_open(v, f"flown from {doubtful['t_s']:g} s, {why}", None)
 
 
-def _row(s: Scenario, t: float, h: Array, least: Array, i: np.ndarray, j: np.ndarray) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Reached:
+    """Distances of each pair (P,) m while gamma was flown.
+
+    least     at samples, or nearer between them where that is certain
+    possible  lower bounds, between samples as well
+    radius    how far distances between samples may be from those of straight lines; 0 for known motion
+    """
+
+    least: Array
+    possible: Array
+    radius: Array
+
+
+def _row(s: Scenario, t: float, h: Array, reached: Reached, i: np.ndarray, j: np.ndarray) -> dict[str, Any]:
     """What came of one instant: its worst safe pair, and how far any safe pair fell short of h's promise."""
-    safe = h >= 0.0
+    safe, least = h >= 0.0, reached.least
     row: dict[str, Any] = {"t_s": t, "safe_pairs": int(safe.sum())}
     if not safe.any():
         return row
     promised = h + s.d_safe_m if s.barrier.form == "root" else np.sqrt(np.maximum(h + s.d_safe_m**2, 0.0))
     p = int(np.argmin(np.where(safe, least, np.inf)))
     row |= {"least_m": float(least[p]), "vehicles": [int(i[p]) + 1, int(j[p]) + 1], "h": float(h[p])}
+    q = int(np.argmin(np.where(safe, reached.possible, np.inf)))
+    row |= {"possible_m": float(reached.possible[q]), "radius_m": float(reached.radius[q])}
     return row | {"promised_m": float(promised[p]), "short_m": float(np.max((promised - least)[safe]))}
 
 
@@ -122,24 +147,41 @@ def _between(rows: dict[int, dict[str, Any]]) -> int | None:
     return None
 
 
-def _least_distance(
+def _fly(
     plant: Plant,
     wind: Callable[[float, State], Array],
     gamma: Command,
     t: float,
     i: np.ndarray,
     j: np.ndarray,
-) -> tuple[Array, str]:
-    """Least distance of each pair (P,) m while all fly gamma for its period, and what ended it early."""
+    d_safe: float,
+    arcs: bool,
+) -> tuple[Reached, str]:
+    """How near each pair comes while all fly gamma for its period, and what ended it early."""
     turning = np.abs(gamma.omega) > 1e-9
     horizon = float(2 * np.pi / np.abs(gamma.omega[turning]).min()) if turning.any() else STRAIGHT_HORIZON_S
     n = max(1, round(PERIOD_S / plant.dt))
-    position = plant.state().position
-    least = np.linalg.norm(position[i] - position[j], axis=-1)
-    for k in range(int(np.ceil(horizon / (n * plant.dt)))):
+    start = plant.state()
+    bends, last = Bends(len(start)), start.position[None]
+    least = np.linalg.norm(last[0, i] - last[0, j], axis=-1)
+    between = least
+    steps = int(np.ceil(horizon / (n * plant.dt)))
+    for k in range(steps):
         track = plant.step(gamma, wind(t + k * n * plant.dt, plant.state()), n)
         fault = next((f"vehicle {v + 1}: {what}" for v, what in enumerate(plant.faults()) if what), "")
         if fault:
-            return least, f"{fault} while flying gamma from {t:g} s"
-        least = np.minimum(least, np.linalg.norm(track[:, i] - track[:, j], axis=-1).min(axis=0))
-    return least, ""
+            return Reached(least, least, np.zeros(len(i))), f"{fault} while flying gamma from {t:g} s"
+        whole = np.concatenate([last, track])
+        offset = whole[:, i] - whole[:, j]
+        least = np.minimum(least, np.linalg.norm(offset, axis=-1).min(axis=0))
+        between = np.minimum(between, nearest_on_chords(offset[:-1], offset[1:]).min(axis=0))
+        bends.update(whole.transpose(2, 0, 1), 1)
+        last = whole[-1:]
+    if arcs:
+        ends, radius = (start[i], gamma[i], start[j], gamma[j]), np.zeros(len(i))
+        possible, nearest, _ = closest_on_arcs(*ends, steps * n * plant.dt, d_safe)
+    else:
+        radius = bends.radius(i, j)
+        possible, nearest = between - radius, between + radius
+    decides = (nearest < d_safe - H_TOLERANCE_M) & (least >= d_safe - H_TOLERANCE_M)
+    return Reached(np.where(decides, nearest, least), np.minimum(possible, least), radius), ""

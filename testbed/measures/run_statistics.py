@@ -8,47 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from filters.barriers.pairs import all_pairs
-from filters.model import Array, Limits
+from filters.model import Array, Command, Limits, State
 from filters.qp.single import Status
+from testbed.measures.between_samples import ArcApproach, Bends
 from testbed.measures.declared_rows import DeclaredRows
+from testbed.measures.extreme import Extreme
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.saturation import Saturation
 
 # |h| [m] below which a pair stands at the boundary of the safe set.
 BOUNDARY_M = 0.05
-
-
-@dataclass
-class Extreme:
-    """The smallest value seen of each of several quantities, and when it was seen first.
-
-    NaN is worse than any number: it stays, with the time when it was seen first.
-    """
-
-    value: Array
-    t: Array
-
-    @classmethod
-    def of(cls, size: int) -> Extreme:
-        return cls(np.full(size, np.inf), np.full(size, np.nan))
-
-    def update(self, t: Array | float, value: Array) -> None:
-        """Take in `value` (..., size) at times `t` (...)."""
-        low = value if value.ndim == 1 else value.min(axis=0)
-        better = ~(low >= self.value)
-        if not better.any():
-            return
-        better &= ~np.isnan(self.value)
-        when = t if value.ndim == 1 else np.asarray(t)[np.argmin(value, axis=0)]
-        self.value = np.where(better, low, self.value)
-        self.t = np.where(better, when, self.t)
-
-    def worst(self) -> tuple[int, float, float]:
-        """Index, value and time of the smallest of all, NaN first; (-1, nan, nan) if nothing was seen."""
-        if not np.any(~(self.value == np.inf)):
-            return -1, float("nan"), float("nan")
-        k = int(np.argmin(self.value))  # numpy takes NaN for the smallest
-        return k, float(self.value[k]), float(self.t[k])
 
 
 @dataclass
@@ -78,6 +47,8 @@ class RunStatistics:
     near_misses where pairs came nearest, if that is wanted
     foreign     whether the filter is a user's own
     declared    the rows that such a filter declares; None if it declares none
+    arcs        closest approaches of unicycles, whose motion between samples is known; else None
+    bends       how paths bend between samples
     """
 
     vehicles: int
@@ -85,6 +56,8 @@ class RunStatistics:
     near_misses: NearMisses | None = None
     foreign: bool = False
     declared: DeclaredRows | None = None
+    arcs: ArcApproach | None = None
+    bends: Bends = field(init=False)
     separation: Extreme = field(init=False)
     between: Extreme = field(init=False)
     h: Extreme = field(init=False)
@@ -115,9 +88,11 @@ class RunStatistics:
             setattr(self, name, Extreme.of(pairs))
         self.rows, self.true_rows = Extreme.of(pairs), Extreme.of(pairs)
         self.command_margin, self.goal = Extreme.of(n), Extreme.of(n)
+        self.bends = Bends(n)
         self.passed, self.path, self.altered = np.full(n, np.nan), np.zeros(n), np.zeros((n, 3))
         self.lowest, self.highest = np.full((n, 3), np.inf), np.full((n, 3), -np.inf)
         self.override_steps = np.zeros(n, dtype=int)
+        self._i, self._j = all_pairs(n)
         self._last: Array | None = None
         self._amplitude: Array | None = None
 
@@ -129,12 +104,16 @@ class RunStatistics:
     def start(self, position: Array, goal: Array, goal_radius: float) -> None:
         """Begin at `position` (N, 3) m; vehicles want to come within `goal_radius` [m] of `goal` (N, 3) m."""
         self._goal, self._goal_radius = goal, goal_radius
-        self._i, self._j = all_pairs(self.vehicles)
         self._last = None
         self.positions(np.zeros(1), position[None], 1)
 
-    def positions(self, t: Array, track: Array, periods: int) -> None:
-        """Take in positions `track` (n, N, 3) at times `t` (n,); a path is counted by `periods` of them."""
+    def positions(
+        self, t: Array, track: Array, periods: int, motion: tuple[State, Command] | None = None
+    ) -> None:
+        """Take in positions `track` (n, N, 3) at times `t` (n,), `periods` of them to a filter period.
+
+        motion  poses at the begin and rates of those filter periods, (S, N), of unicycles: see `arcs`
+        """
         whole = track if self._last is None else np.concatenate([self._last[None], track])
         if self._i.size:
             # Entries first: numpy sums over a last axis of 3 slowly.
@@ -142,7 +121,14 @@ class RunStatistics:
             offset = places.take(self._i, axis=-1) - places.take(self._j, axis=-1)
             self.separation.update(t, np.sqrt(_square(offset[:, len(whole) - len(track) :])))
             if len(whole) > 1:
-                self.between.update(t[-(len(whole) - 1) :], _closest(offset))
+                chords, ends = _closest(offset), t[-(len(whole) - 1) :]
+                self.between.update(ends, chords)
+                self.bends.update(places, periods)
+                if self.arcs is not None and motion is not None:
+                    fdm_dt = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else float(ends[0])
+                    begin = ends[periods - 1 :: periods] - periods * fdm_dt
+                    by_period = chords.reshape(-1, periods, self._i.size)
+                    self.arcs.update(begin, *motion, by_period, fdm_dt)
         distance = np.sqrt(_square((track - self._goal).transpose(2, 0, 1)))
         self.goal.update(t, distance)
         inside = distance <= self._goal_radius
@@ -162,6 +148,24 @@ class RunStatistics:
         """Take in a command (N, 3) at t [s] with NaN in it, which no plant was given."""
         low, high = limits.corners
         self.command_margin.update(t, np.minimum(command - low, high - command).min(axis=-1))
+
+    def least_distances(self) -> tuple[Array, Extreme]:
+        """Lower bounds of the distances (P,) m, and distances reached (P,), between samples as well.
+
+        The motion of unicycles is known. For others both rest on the largest acceleration seen.
+        """
+        if self.arcs is not None:
+            nearer = self.arcs.least.value < self.separation.value
+            value = np.where(nearer, self.arcs.least.value, self.separation.value)
+            when = np.where(nearer, self.arcs.least.t, self.separation.t)
+            return np.minimum(self.arcs.possible, self.separation.value), Extreme(value, when)
+        radius = self.bends.radius(self._i, self._j)
+        nearer = self.between.value + radius < self.separation.value
+        value = np.where(nearer, self.between.value + radius, self.separation.value)
+        when = np.where(nearer, self.between.t, self.separation.t)
+        # Without a bound of the bends there is none of the distance.
+        low = np.minimum(self.between.value, self.separation.value)
+        return np.where(np.isfinite(radius), low, 0.0) - radius, Extreme(value, when)
 
     def decided(
         self,

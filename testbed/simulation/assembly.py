@@ -69,6 +69,7 @@ class Assembled:
     air       (N, 3) m/s, the wind at the start; None in still air
     replay    the plant where branches of the flight are wanted, else None
     aircraft  one airframe per vehicle, where aircraft of the catalogue fly; else none
+    arcs      whether the vehicles are the catalogue's unicycles, which fly exact arcs over a filter period
     valued    the barrier whose values the catalogue's own filter returns; None where they are not trusted
     """
 
@@ -79,6 +80,7 @@ class Assembled:
     air: Array | None
     replay: Replay | None
     aircraft: Sequence[Airframe]
+    arcs: bool
     valued: Barrier | None
 
     @property
@@ -116,8 +118,9 @@ def put_together(setting: Setting, parts: Parts, own: dict[str, Origin]) -> Asse
         raise UserError(f"start: {error}") from None
     aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in own else []
     filter_, guidance = maker.filter(), maker.guidance()
+    arcs = s.plant == "unicycle" and "plant" not in own
     valued = None if "filter" in own else declaration(filter_).barrier
-    return Assembled(environment, plant, filter_, guidance, air, replay, aircraft, valued)
+    return Assembled(environment, plant, filter_, guidance, air, replay, aircraft, arcs, valued)
 
 
 def _check_start(barrier: Barrier, start: State, i: np.ndarray, j: np.ndarray, force: bool) -> bool:

@@ -91,7 +91,8 @@ def _fly_manoeuvre(setting: Setting, made: Assembled, replay: Replay, near_misse
         return np.zeros((s.vehicles, 3)) if air is None else air
 
     when = manoeuvre.instants(s, near_misses, s.duration_s)
-    return manoeuvre.fly(s, replay.branch, wind, setting.barrier, setting.limits, when, setting.i, setting.j)
+    pairs = setting.i, setting.j
+    return manoeuvre.fly(s, replay.branch, wind, setting.barrier, setting.limits, when, *pairs, made.arcs)
 
 
 def _manifest(

@@ -60,8 +60,10 @@ class Recorder:
             self._look_at_pairs(new)
         self._record_vehicles(s.seen + np.flatnonzero(s.recorded[new]))
         if s.moved:
-            t = s.t[s.seen : s.seen + s.moved, None] + self._offsets
-            self.statistics.positions(t.ravel(), s.track[: t.size], s.periods)
+            moved = slice(s.seen, s.seen + s.moved)
+            t = s.t[moved, None] + self._offsets
+            flown = State.of(s.truth[moved]), Command.of(s.command[moved])
+            self.statistics.positions(t.ravel(), s.track[: t.size], s.periods, flown)
         s.keep_last()
 
     def close(self) -> None:

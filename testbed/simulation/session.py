@@ -15,6 +15,7 @@ from testbed.components.border.contract import Breach
 from testbed.components.border.others import OwnFilter
 from testbed.components.components import Parts
 from testbed.components.provenance import Origin
+from testbed.measures.between_samples import ArcApproach
 from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.run_statistics import RunStatistics
@@ -80,7 +81,9 @@ class Session:
             self._end = termination.ended(termination.raised("", breach, 0), 0.0)
         made = self._made
         near_misses = NearMisses(setting.i.size, s.d_safe_m) if made and made.replay else None
-        self._statistics = RunStatistics(s.vehicles, Saturation(made.aircraft if made else ()), near_misses)
+        arcs = ArcApproach(setting.i, setting.j, s.d_safe_m) if made and made.arcs else None
+        surfaces = Saturation(made.aircraft if made else ())
+        self._statistics = RunStatistics(s.vehicles, surfaces, near_misses, arcs=arcs)
         if made and isinstance(made.filter, OwnFilter):
             self._statistics.foreign = True
             self._statistics.declared = DeclaredRows(setting.limits) if made.filter.declares else None

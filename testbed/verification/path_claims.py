@@ -13,6 +13,7 @@ from testbed.claims import registry
 from testbed.records.verdict import Status
 from testbed.verification.finding import Finding, Judge, Values, thin
 from testbed.verification.future import manoeuvre
+from testbed.verification.passing import BETWEEN_M, Passing
 from testbed.verification.path_bounds import ROUNDING, PathBounds
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.settings import box, goals
@@ -58,17 +59,40 @@ class PathClaims:
             floor = float(min((chords - stray).min(initial=np.inf), distance[-1].min() - 2.0 * paths.tail))
         between = e["detail"].get("between_steps_m")
         if between is not None and e["value"] is not None:
-            most = e["value"] if floor is not None else min(e["value"], float(chords.min(initial=np.inf)))
+            most = e["value"] if floor is not None else float(chords.min(initial=np.inf))
             most += ROUNDING
             least = float(chords.min(initial=np.inf)) - ROUNDING if floor is None else floor
             if not least <= between <= most:
                 judge.wrong.append(f"between_steps_m is {between:.6g}, should be {least:.6g} to {most:.6g}")
         elif len(run.t) > 1:
             judge.wrong.append("between_steps_m is missing")
+        passing = Passing.of(run, paths, d_safe)
+        possible = e["detail"].get("possible_m", np.nan)
+        possible = -np.inf if possible is None else float(possible)  # no bound
+        if e["value"] is not None:
+            least = float(distance.min(initial=np.inf))
+            if not passing.allows(possible, e["value"]):
+                judge.wrong.append(f"possible_m is {possible}, should be {passing}")
+            elif e["value"] < d_safe <= least and paths.whole:
+                return self._between_samples(judge, passing)
+        certain = possible >= d_safe - BETWEEN_M
+        fails = Status.VIOLATED if e["value"] is None or e["value"] < d_safe else Status.OPEN
+        if fails is Status.OPEN and run.ended:
+            fails = Status.PREMISE_NOT_MET
         seen = Values.of(paths.t, distance, ROUNDING, who, floor=floor, ceiling=ceiling)
-        # The straight line between two steps may come nearer than either.
-        nearer = between is not None and between < d_safe
-        return judge.least(seen, d_safe, lambda d: d >= d_safe and not nearer)
+        return judge.least(seen, d_safe, lambda d: d >= d_safe and certain, fails)
+
+    def _between_samples(self, judge: Judge, passing: Passing) -> Finding:
+        """A pair that came nearer than Ds between steps of the flight dynamics, and not at any of them."""
+        e, d_safe = judge.entry, self.s["d_safe_m"]
+        judge.expect_near("value", e["value"], passing.least, ROUNDING)
+        judge.expect("bound", e["bound"], float(d_safe))
+        judge.expect("margin", e["margin"], float(e["value"] - d_safe))
+        judge.expect("verdict", e["verdict"], judge.verdict(False))
+        if e["vehicles"] != passing.vehicles or not passing.begin <= e["t_s"] <= passing.end:
+            where = f"{passing.vehicles}, {passing.begin:g} to {passing.end:g} s"
+            judge.wrong.append(f"it is {e['vehicles']} at {e['t_s']:g} s, should be {where}")
+        return judge.done(f"{passing.least:.6g}", ROUNDING)
 
     @cached_property
     def _to_goal(self) -> Array:

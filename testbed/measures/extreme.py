@@ -1,0 +1,42 @@
+"""The smallest value of each of several quantities, and when it occurred."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from filters.model import Array
+
+
+@dataclass
+class Extreme:
+    """The smallest value seen of each of several quantities, and when it was seen first.
+
+    NaN is worse than any number: it stays, with the time when it was seen first.
+    """
+
+    value: Array
+    t: Array
+
+    @classmethod
+    def of(cls, size: int) -> Extreme:
+        return cls(np.full(size, np.inf), np.full(size, np.nan))
+
+    def update(self, t: Array | float, value: Array) -> None:
+        """Take in `value` (..., size) at times `t` (...)."""
+        low = value if value.ndim == 1 else value.min(axis=0)
+        better = ~(low >= self.value)
+        if not better.any():
+            return
+        better &= ~np.isnan(self.value)
+        when = t if value.ndim == 1 else np.asarray(t)[np.argmin(value, axis=0)]
+        self.value = np.where(better, low, self.value)
+        self.t = np.where(better, when, self.t)
+
+    def worst(self) -> tuple[int, float, float]:
+        """Index, value and time of the smallest of all, NaN first; (-1, nan, nan) if nothing was seen."""
+        if not np.any(~(self.value == np.inf)):
+            return -1, float("nan"), float("nan")
+        k = int(np.argmin(self.value))  # numpy takes NaN for the smallest
+        return k, float(self.value[k]), float(self.t[k])
