@@ -129,7 +129,7 @@ FIELDS = {
     "why": _no("reasons in words are not checked"),
 }
 DETAILS = {
-    registry.SEPARATION.id: {"between_steps_m": _OWN},
+    registry.SEPARATION.id: {"between_steps_m": _OWN, "possible_m": _OWN},
     registry.QP_FEASIBILITY.id: {"infeasible": _OWN, "iteration_limit": _OWN, "in_safe_set": _OWN},
     registry.COMMAND_LIMITS.id: {
         "achieved_v_mps": _OWN,
