@@ -239,7 +239,7 @@ class LyingPlant(Honest):
         told: State = self._told("state", super().state())
         lie, steps = self.lie, len(self.commands)
         if lie.what == "away" and steps >= lie.at:
-            return State(told.x, told.y + (1.0 + lie.how), told.theta, told.z)
+            return State(told.x, told.y + (1.0 + lie.how) * np.arange(self.n), told.theta, told.z)
         if lie.what == "late" and steps >= max(1, lie.at):
             return State.of(self.before)
         return told
