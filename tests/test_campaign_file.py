@@ -108,7 +108,7 @@ def test_the_campaigns_that_come_with_the_package_resolve(name: str) -> None:
     campaign, here = file.load(name)
     made = expand(campaign, base(campaign, here))
     assert campaign.name == name and campaign.description
-    assert len({r.id for r in made.runs}) == len(made.runs) >= 80
+    assert len({r.id for r in made.runs}) == len(made.runs) >= 480
     assert file.load(f"{name}.toml")[0] == campaign
 
 
@@ -301,3 +301,24 @@ def test_distinct_results_are_counted_not_ids() -> None:
     assert distinct_results(rows) == 3 and distinct_results(rows, without=()) == 5
     assert counted(5, 3) == "5 runs, only 3 distinct: intervals and tests take them for 5 independent ones"
     assert counted(5, 5) == "5 runs, all distinct"
+
+
+@pytest.mark.parametrize("axis", ["variants", "grid"])
+def test_airframes_of_an_axis_are_found_beside_the_campaign_file(
+    axis: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "campaigns"
+    folder.mkdir()
+    (folder / "slow.toml").write_text('base = "x8"\n[gains.turn]\nbandwidth_radps = 3.6\n')
+    lines = {
+        "variants": '[variants.a]\nairframes = ["slow.toml"]',
+        "grid": '[grid]\nairframes = [["slow.toml"]]',
+    }
+    head = 'name = "slow"\nscenario = "paper-2-turn"\nseeds = 2\nplants = ["jsbsim"]\n'
+    (folder / "slow-turn.toml").write_text(
+        f"{head}[set]\n'start.lateral_perturbation_m' = 5\n{lines[axis]}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    campaign, here = file.load("campaigns/slow-turn.toml")
+    [cell] = expand(campaign, base(campaign, here)).cells
+    assert Path(cell.data["airframes_folder"]) == folder.resolve()
