@@ -66,14 +66,15 @@ def test_a_changed_airframe_is_another_run(wing: Path, plant: str, file: str, pa
 
 def test_a_prediction_by_identified_lags_knows_the_airframe(wing: Path) -> None:
     settings = ("plant=unicycle", f"airframes=['{wing}']")
-    unicycle, predicting = key(*settings), key(*settings, "predict_lags=true")
+    unicycle, predicting = key("plant=unicycle"), key(*settings, "predict_lags=true")
     touch(wing / "airframe.toml", "time_constant_s = ", "time_constant_s = 1")
     assert key(*settings, "predict_lags=true") != predicting
     # and a manifest names it
     s = load("paper-2-turn", [*settings, "predict_lags=true"])
     assert list(identity.catalogue.airframe_hashes(s)) == ["wing"]
     # A unicycle that predicts nothing has no airframe.
-    assert key(*settings) == unicycle
+    assert key("plant=unicycle") == unicycle
+    assert identity.catalogue.airframe_hashes(load("paper-2-turn", ["plant=unicycle"])) == {}
 
 
 def test_a_changed_gains_file_is_another_run(tmp_path: Path) -> None:

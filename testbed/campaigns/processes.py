@@ -96,7 +96,7 @@ def _serve(
 
 
 def _wait(done: queue.Queue[Outcome | Exception]) -> Outcome | Exception:
-    # In turns, for where a wait without end would not hear Ctrl-C.
+    # With a timeout: on some systems Ctrl-C does not interrupt a wait without one.
     while True:
         try:
             return done.get(timeout=1.0)

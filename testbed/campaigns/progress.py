@@ -13,7 +13,7 @@ from testbed.statistics import Plan as Looks
 
 @dataclass
 class Progress:
-    """What is done of a plan: the runs to fly so far, as looks have it, and the rows that there are.
+    """How far a plan has come: the runs to fly so far, by its looks, and the rows of finished runs.
 
     looks  cell -> what its last look said; empty without a stopping rule
     """

@@ -27,7 +27,7 @@ from testbed.scenario.location import moved, placed
 
 
 def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
-    """The plan of a campaign by name or file, its folder made; that of the same campaign is gone on with.
+    """The plan of a campaign by name or file, with its folder; the folder of the same campaign is kept.
 
     Raises UserError for a malformed file, seeds that change nothing, or a folder that holds something else.
     """
@@ -51,7 +51,7 @@ def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
 def reopen(out: Path, to_fly: bool = True) -> Plan:
     """The plan that a folder was made for.
 
-    to_fly  False: code and airframes may have changed, for nothing will be flown
+    to_fly  False: nothing will be flown, so code and airframes may have changed
     Raises  UserError if something that the runs depend on has changed since, naming it
     """
     found = folder.manifest(out)

@@ -53,7 +53,7 @@ def _parquet(path: Path, columns: dict[str, list[Any]]) -> None:
     import pyarrow.parquet as pq
 
     def typed(name: str, values: list[Any]) -> Any:
-        # A column without a single value has a type all the same.
+        # A column without values needs a type too.
         if all(v is None for v in values):
             return pa.array(values, pa.float64() if name.endswith("_value") else pa.string())
         return pa.array(values)

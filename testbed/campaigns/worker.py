@@ -7,6 +7,7 @@ import pickle
 import queue
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -23,10 +24,7 @@ def main() -> None:
     threading.Thread(target=_listen, args=(inbox, jobs), daemon=True).start()
     while True:
         message = jobs.get()
-        # From here on the job is to blame if the process ends: it may do so while it is loaded.
-        pickle.dump("started", outbox)
-        outbox.flush()
-        pickle.dump(_answer(message), outbox)
+        pickle.dump(_answer(message, outbox), outbox)
         outbox.flush()
 
 
@@ -38,12 +36,20 @@ def _listen(inbox: Any, jobs: queue.SimpleQueue[bytes]) -> None:
     os._exit(0)
 
 
-def _answer(message: bytes) -> bytes:
+def _answer(message: bytes, outbox: Any) -> bytes:
+    loaded: tuple[Callable[[Any], Any], Any] | BaseException
+    try:
+        loaded = unpacked(message)
+    except BaseException as error:
+        loaded = error
+    # Sent only now: a process killed while it imports modules has failed to start; the job is not to blame.
+    pickle.dump("started", outbox)
+    outbox.flush()
+    if isinstance(loaded, BaseException):
+        return failure(loaded, 0.0)
+    work, job = loaded
     began = time.perf_counter()
     try:
-        work, job = unpacked(message)
-        began = time.perf_counter()
-        result = work(job)
-        return answer(result, time.perf_counter() - began)
+        return answer(work(job), time.perf_counter() - began)
     except BaseException as error:
         return failure(error, time.perf_counter() - began)

@@ -52,6 +52,6 @@ def write(run: Run, folder: Path) -> list[Event]:
 
 
 def _unit(column: str) -> str:
-    """Of a channel that only its plant knows, such as an airframe's surfaces: what its name ends with."""
+    """The unit of a column that only its plant knows, such as a surface's: by the end of its name."""
     units = {"rad": "rad", "m": "m", "mps": "m/s", "radps": "rad/s", "s": "s", "mps2": "m/s^2"}
     return units.get(column.rpartition("_")[2], "")

@@ -19,7 +19,7 @@ NO_SOLUTION = ("infeasible", "iteration_limit")
 class Event:
     """`kind` is a guarantee's id, or `below-ds`, `outside-safe-set`, `no-solution`, `ended-early`.
 
-    vehicles  counted from 1; empty where the event is nobody's in particular
+    vehicles  counted from 1; empty where the event concerns no vehicle in particular
     """
 
     t_s: float
@@ -65,6 +65,6 @@ def _worst(v: Verdict) -> Event:
 
 
 def _entered(table: pd.DataFrame, keys: list[str], inside: pd.Series) -> list:
-    """The rows at which `inside` becomes true, for each vehicle or pair by itself."""
+    """The rows at which `inside` becomes true, separately for each vehicle or pair."""
     before = inside.groupby([table[k] for k in keys]).shift(fill_value=False)
     return list(table[np.asarray(inside & ~before.astype(bool))].itertuples(index=False))

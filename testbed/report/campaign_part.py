@@ -25,7 +25,7 @@ MOST_FACTS = 24
 
 
 def part(folder: Path, title: str) -> Part:
-    """The account of a campaign, as far as it was flown."""
+    """A campaign's part of a page; of one that is not finished it says so."""
     import pandas as pd
 
     manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -85,7 +85,7 @@ def _quantity(guarantee: str) -> str:
 
 
 def _asked(manifest: Mapping[str, Any]) -> Block:
-    """The campaign's file: axes, draws, seeds and stopping rule, as far as it has them."""
+    """The campaign's file: axes, draws, seeds and stopping rule, those that it has."""
     asked = {k: v for k, v in manifest["campaign"].items() if v not in (None, [], {}, "")}
     return Table([{"field": k, "value": settings.said(v)} for k, v in asked.items()], "The campaign")
 

@@ -22,7 +22,7 @@ def of_runs(runs: Mapping[str, Run]) -> list[Block]:
 
 
 def of_study(data: Mapping[str, Any]) -> list[Block]:
-    """The same from a study's JSON file: its scenario, seeds and versions, as far as it has them."""
+    """The same from a study's JSON file: its scenario, seeds and versions, those that it has."""
     blocks: list[Block] = []
     scenario = data.get("scenario")
     if scenario:

@@ -16,7 +16,7 @@ from testbed.report.own_parts import sentence
 
 # Achieved channel -> unit shown, and its size in the unit recorded.
 CHANNELS = (("v_mps", "m/s", 1.0), ("omega_radps", "deg/s", degrees(1.0)), ("zeta_mps", "m/s", 1.0))
-# A mark as well as a colour, for eyes and for pipes without colour.
+# A mark as well as a colour: some readers and all pipes see no colours.
 MARKS = {
     Status.HOLDS: ("+", "green"),
     Status.VIOLATED: ("x", "bold red"),
@@ -55,7 +55,7 @@ def scorecard(runs: Mapping[str, Run], title: str) -> Table:
 
 def plain_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     """Rows as they are, three digits; an absent value is a dash."""
-    # Text, for rich reads markup into brackets and a unit would vanish.
+    # As Text: rich would take a unit in brackets for markup and drop it.
     table = Table(title=Text(title), title_justify="left", pad_edge=False, padding=(0, 1), box=None)
     columns = list(dict.fromkeys(name for row in rows for name in row))
     for name in columns:

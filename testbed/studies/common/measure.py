@@ -44,7 +44,7 @@ def measure(job: Job, parts: Parts | None = None) -> dict[str, Any]:
     for name in ("path_added_m", "time_added_s"):
         added = done.guarantee(INTERVENTION.id)["detail"][name]
         row["arrived_share"] = sum(a is not None for a in added) / len(added)
-        # Of a fleet that is still on its way nobody knows what the way costs.
+        # The cost is not known before every vehicle has arrived.
         row[name] = max(added) if None not in added else None
     row["goal_m"] = done.guarantee(GOAL.id)["value"]
     row["goal_passed_s"] = done.guarantee(GOAL.id)["detail"].get("last_passed_s")

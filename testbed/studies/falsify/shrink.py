@@ -1,8 +1,8 @@
 """Reduces a departure that violates to the smallest one found that still does.
 
-What is tried is a list of vectors at a time, and the answer is the place of the first that violates: the
-same whether they are flown one after another or at once. Nothing is assumed of the violation, least of all
-that it grows with the departure: whatever comes out has been flown and violates.
+A list of vectors is tried at a time, and the answer is the place of the first that violates, whether they are
+flown one after another or at once. Nothing is assumed about the violation, not even that it grows with the
+departure: the result has been flown and violates.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from filters.model import Array
 First = Callable[[Sequence[Array]], int | None]
 Part = tuple[int, ...]
 
-# What a scale is tried at, the smallest first; then halved between, so often.
+# Factors at which a scale is tried, the smallest first; then the bracket is bisected so many times.
 FACTORS = (1 / 256, 1 / 16, 1 / 4, 1 / 2)
 BISECTIONS = 3
 # Below this share of what was found there is no use in going on: rounding decides.

@@ -21,7 +21,7 @@ from testbed.scenario.scenario import Scenario, settled
 
 @dataclass(frozen=True)
 class Start:
-    """A kind of departure of starts: its names in `Bounds` and the scenario, its bound if none is said."""
+    """A kind of departure of starts: its names in `Bounds` and the scenario, its default bound."""
 
     kind: str
     offsets: str

@@ -65,7 +65,7 @@ def _shape(axes: Axes, seen: Look) -> None:
 
 
 def _window(seen: Look, before_s: float, after_s: float) -> np.ndarray:
-    """The steps around the moment h begins to lose; where it never does, around the smallest h."""
+    """The steps around the moment h falls behind its promise; around the smallest h if it never does."""
     lost = seen.lost_m() > LOSS_M
     begin = seen.t_s[np.argmax(lost) if lost.any() else np.argmin(seen.h_m)]
     return np.flatnonzero((seen.t_s >= begin - before_s) & (seen.t_s <= begin + after_s))

@@ -2,7 +2,7 @@
 
 Each rung is the scenario with some fields overridden, flown from the same starts with the same seeds; the
 mean paired differences of neighbouring rungs telescope to the whole. Each departure is also tried alone, on
-the simplest rung where it can act; what the single effects do not add up to is the interaction.
+the simplest rung where it can act; the part that the single effects do not add up to is the interaction.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def _not_flown(table: pd.DataFrame) -> list[str]:
     if not len(refused):
         return []
     where = ", ".join(f"{count} on {rung}" for rung, count in refused.rung.value_counts(sort=False).items())
-    return [f"could not start, and counted nowhere: {where}; such as seed {refused.seed.iloc[0]}"]
+    return [f"could not start and are not counted: {where}; for example seed {refused.seed.iloc[0]}"]
 
 
 def _mean(m: Mean | None) -> str:
