@@ -198,7 +198,7 @@ FIELDS: dict[str, dict[str, Any]] = {
         "wind.speed_mps": 5.0, "wind.towards_deg": 60.0, "wind.updraft_mps": 0.0, "wind.shear_exponent": 0.3,
         "plant": "lagged", "duration_s": 2.5, "vehicles": 3, "d_safe_m": 4.5, "goal_radius_m": 25.0,
         "rates.fdm_dt_s": 0.01, "rates.filter_dt_s": 0.025, "rates.record_dt_s": 0.1,
-        "limits.v_max_mps": 24.0,
+        "limits.v_max_mps": 16.0,
         "limits.omega_max_degps": 12.0, "limits.zeta_max_mps": 3.0, "start.radius_m": 61.0,
         "start.speed_mps": 19.0,
         "start.course_offset_deg": 1.0, "nominal.lookahead_m": 9.0, "nominal.gain_per_s": 0.2,

@@ -252,8 +252,8 @@ def test_a_pairs_entry_names_the_worst_pair_its_time_and_how_far_it_is_from_the_
     i, j = np.triu_indices(3, 1)
     made = judge(Flown(load("paper-2-turn", ["d_safe_m=6"]), statistics, i, j, True, None, np.full(3, 400.0)))
     found = {g["id"]: g for g in made}
-    for name, bound in (("separation", 6.0), ("safe-set", 0.0), ("barrier-condition", 0.0),
-                        ("zcbf-condition", 0.0), ("rows-satisfied", 0.0)):  # fmt: skip
+    for name, bound in (("separation", 6.0), ("safe-set", -1e-9), ("barrier-condition", -1e-3),
+                        ("zcbf-condition", -1e-9), ("rows-satisfied", -1e-6)):  # fmt: skip
         assert (found[name]["value"], found[name]["bound"], found[name]["margin"]) == (
             7.5,
             bound,
@@ -494,7 +494,7 @@ def test_a_gradient_that_is_nearly_zero_at_the_boundary_voids_and_one_never_seen
         statistics = good_statistics()
         statistics.gradient.update(1.5, np.array([value]))
         found = premise(statistics, "gradient")
-        assert (found["verdict"], found["value"], found["bound"]) == (verdict_, value, 0.0)
+        assert (found["verdict"], found["value"], found["bound"]) == (verdict_, value, 1e-9)
         assert (found["t_s"], found["vehicles"]) == (1.5, [1, 2])
 
 

@@ -87,7 +87,7 @@ def _separation(f: Flown, v: Verdict) -> Verdict:
 def _invariance(f: Flown, v: Verdict) -> Verdict:
     if not f.i.size:
         return v.but(why="no pair, no barrier")
-    v = at_pair(v, f.statistics.h, f.i, f.j, 0.0)
+    v = at_pair(v, f.statistics.h, f.i, f.j, -H_TOLERANCE_M)
     if not f.started_safe:
         return premise_not_met(v, "the start is outside the safe set")
     return decide(v, v.value is not None and v.value >= -H_TOLERANCE_M, f.end)
@@ -96,7 +96,7 @@ def _invariance(f: Flown, v: Verdict) -> Verdict:
 def _condition(f: Flown, v: Verdict) -> Verdict:
     if not f.i.size:
         return v.but(why="no pair, no barrier")
-    v = at_pair(v, f.statistics.condition, f.i, f.j, 0.0)
+    v = at_pair(v, f.statistics.condition, f.i, f.j, -CONDITION_TOLERANCE_MPS)
     if v.value is None:
         return premise_not_met(v, "the run had no motion")
     return decide(v, v.value >= -CONDITION_TOLERANCE_MPS, f.end)
@@ -105,7 +105,7 @@ def _condition(f: Flown, v: Verdict) -> Verdict:
 def _admissible(f: Flown, v: Verdict) -> Verdict:
     if not f.i.size:
         return v.but(why="no pair, no barrier")
-    v = at_pair(v, f.statistics.admissible, f.i, f.j, 0.0)
+    v = at_pair(v, f.statistics.admissible, f.i, f.j, -H_TOLERANCE_M)
     if v.value is None:
         return premise_not_met(v, "no pair was ever inside its safe set")
     return decide(v, v.value >= -H_TOLERANCE_M, f.end)
@@ -152,7 +152,7 @@ def _rows(f: Flown, v: Verdict) -> Verdict:
         return own_filter.rows(f.statistics, v, f.end)
     if f.scenario.filter.kind not in QP_FILTERS or not f.i.size or f.statistics.without_qp:
         return v.but(why="no rows")
-    v = at_pair(v, f.statistics.rows, f.i, f.j, 0.0)
+    v = at_pair(v, f.statistics.rows, f.i, f.j, -ROW_TOLERANCE_MPS)
     if v.value is None:
         return premise_not_met(v, "no QP was solved")
     return decide(v, v.value >= -ROW_TOLERANCE_MPS, f.end)

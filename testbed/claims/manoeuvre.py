@@ -91,18 +91,20 @@ def fly(
         return premise_not_met(v, "no pair was in the safe set at any of these instants")
     worst = min(safe, key=lambda row: row["least_m"])
     value, fault = worst["least_m"], next((row["fault"] for row in safe if row["fault"]), "")
+    low = s.d_safe_m - H_TOLERANCE_M
+    if fault and value >= low:  # how near they would have come is not known
+        return decide(v.but(why=fault), False, None)
     v = v.but(
         value=value,
-        bound=s.d_safe_m,
-        margin=value - s.d_safe_m,
+        bound=low,
+        margin=value - low,
         instant=worst["t_s"],
         vehicles=tuple(worst["vehicles"]),
         why=fault or f"flown from h = {worst['h']:.2f}, which promises {worst['promised_m']:.2f} m",
     )
     doubtful = min(safe, key=lambda row: row["possible_m"])
-    low = s.d_safe_m - H_TOLERANCE_M
-    if fault or value < low or doubtful["possible_m"] >= low:
-        return decide(v, value >= low and not fault, None)
+    if value < low or doubtful["possible_m"] >= low:
+        return decide(v, value >= low, None)
     why = finer(doubtful["possible_m"], doubtful["radius_m"], s.d_safe_m, s.rates.fdm_dt_s)
     return leave_open(v, f"flown from {doubtful['t_s']:g} s, {why}", None)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from filters.cbf.theorem_monitor import theorem_checks
 from filters.filter import MonitorRecord
 from testbed.claims.registry import check_claim
@@ -24,13 +26,13 @@ def monitored(record: MonitorRecord, s: Scenario) -> list[Verdict]:
             continue
         failed = Status.PREMISE_NOT_MET if name in PREMISES else Status.VIOLATED
         v = v.but(
-            value=check.worst,
-            bound=check.least,
-            margin=check.worst - check.least,
             status=failed if check.failed else Status.HOLDS,
             why=f"{check.failed} of {check.checked} fail" if check.failed else "",
         )
-        if check.worst_at is not None:
+        # A check that fails by numbers that are none has no worst one.
+        if (check.worst < check.least) == bool(check.failed) and np.isfinite(check.worst):
+            v = v.but(value=check.worst, bound=check.least, margin=check.worst - check.least)
+        if v.value is not None and check.worst_at is not None:
             step, vehicles = check.worst_at
             v = v.but(instant=step * s.rates.filter_dt_s, vehicles=vehicles)
         verdicts.append(v)

@@ -33,8 +33,10 @@ def rows(statistics: RunStatistics, v: Verdict, end: str | None) -> Verdict:
     if declared.least == float("inf"):
         return premise_not_met(v, "the filter declared no row at any step")
     vehicles = tuple(k + 1 for k in declared.vehicles)
-    v = v.but(value=declared.least, bound=0.0, margin=declared.least, instant=declared.t, vehicles=vehicles)
-    if not declared.least >= -ROW_TOLERANCE_MPS:
+    bound = -ROW_TOLERANCE_MPS
+    margin = declared.least - bound
+    v = v.but(value=declared.least, bound=bound, margin=margin, instant=declared.t, vehicles=vehicles)
+    if not margin >= 0.0:
         return decide(v, False, end)
     return decide(v, True, end) if _true_rows_hold(statistics) else premise_not_met(v, OTHERS)
 

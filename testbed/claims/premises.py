@@ -60,7 +60,7 @@ def _flyable(f: Flown, unflyable: list[str], v: Verdict) -> Verdict:
 
 
 def _gradient(f: Flown, v: Verdict) -> Verdict:
-    v = at_pair(v, f.statistics.gradient, f.i, f.j, 0.0)
+    v = at_pair(v, f.statistics.gradient, f.i, f.j, LEAST_GRADIENT)
     if v.value is None:
         return v.but(why="no pair came to the boundary")
     return decide_premise(v, v.value > LEAST_GRADIENT)

@@ -120,11 +120,11 @@ def _satisfied(rows: Rows, judge: Judge) -> Finding:
         who = [[int(a) + 1, int(b) + 1] for a, b in zip(run.i, run.j, strict=True)]
         seen = Values.of(np.zeros(0), empty, 0.0, who, floor=-np.inf)
         return judge.least(
-            seen, 0.0, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET, missing=missing
+            seen, -ROW_ALLOWED, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET, missing=missing
         )
     assert rows.pairs is not None
     left, off = rows.left
     counts = rows.solved[:, run.i] & rows.solved[:, run.j]
     floor = None if run.complete else -np.inf
     seen = Values.of(run.t, left, off, rows.pairs.who, counts, floor=floor)
-    return judge.least(seen, 0.0, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET)
+    return judge.least(seen, -ROW_ALLOWED, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET)

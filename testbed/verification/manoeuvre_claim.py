@@ -170,13 +170,15 @@ def _verdict(judge: Judge, branches: list[dict[str, Any]]) -> None:
         judge.nothing("none", Status.PREMISE_NOT_MET)
         return
     worst = min(safe, key=lambda b: b["least_m"])
+    lost, low = any(b["fault"] for b in safe), d_safe - H_ALLOWED
+    if lost and worst["least_m"] >= low:  # nobody knows how near they would have come
+        judge.nothing("none", Status.VIOLATED)
+        return
     judge.expect("value", e["value"], worst["least_m"])
-    judge.expect("bound", e["bound"], d_safe)
-    judge.expect("margin", e["margin"], worst["least_m"] - d_safe)
+    judge.expect("bound", e["bound"], low)
+    judge.expect("margin", e["margin"], worst["least_m"] - low)
     judge.expect("t_s", e["t_s"], worst["t_s"])
     judge.expect("vehicles", e["vehicles"], worst["vehicles"])
-    lost = any(b["fault"] for b in safe)
-    low = d_safe - H_ALLOWED
     if any(b["possible_m"] > b["least_m"] + ROUNDING for b in safe):
         judge.wrong.append("possible_m is above the least distance")
     sure, kept = min(b["possible_m"] for b in safe) >= low, worst["least_m"] >= low and not lost

@@ -100,7 +100,7 @@ class Pairs:
         unsafe = bool(self.now.h[0].min() < -H_ALLOWED)
         off, floor = self.now.off + H_ALLOWED, self._unseen(self.lowest)
         seen = Values.of(self.run.t, self.now.h, off, self.who, floor=floor)
-        return judge.least(seen, 0.0, lambda h: h >= -H_ALLOWED, void=unsafe)
+        return judge.least(seen, -H_ALLOWED, lambda h: h >= -H_ALLOWED, void=unsafe)
 
     @cached_property
     def pace(self) -> Array:
@@ -133,7 +133,7 @@ class Pairs:
             value = (then.h - self.now.h[some]) / dt + self.alpha[some]
             off = (then.off + self.now.off[some] + H_ALLOWED) / dt + self.alpha_off[some]
         seen = Values.of(self.run.t[some], value, off, self.who, floor=self._unseen(floor))
-        return judge.least(seen, 0.0, lambda x: x >= -RATE_ALLOWED, empty=Status.PREMISE_NOT_MET)
+        return judge.least(seen, -RATE_ALLOWED, lambda x: x >= -RATE_ALLOWED, empty=Status.PREMISE_NOT_MET)
 
     def _admissible(self, judge: Judge) -> Finding:
         _, most, off = self.reach
@@ -150,7 +150,7 @@ class Pairs:
             np.abs(self.now.h) <= self.now.off + H_ALLOWED,
             self._unseen(-H_ALLOWED if theorem else -np.inf),
         )
-        return judge.least(seen, 0.0, lambda x: x >= -H_ALLOWED, empty=Status.PREMISE_NOT_MET)
+        return judge.least(seen, -H_ALLOWED, lambda x: x >= -H_ALLOWED, empty=Status.PREMISE_NOT_MET)
 
     def _gradient(self, judge: Judge) -> Finding:
         lie = self.now.lie
@@ -161,7 +161,7 @@ class Pairs:
         unseen = None if self.run.complete or self.lowest > EDGE else 0.0
         near, doubt = h <= EDGE, np.abs(h - EDGE) <= h_off
         seen = Values.of(self.run.t, size, off, self.who, near, doubt, unseen)
-        return judge.least(seen, 0.0, lambda x: x > LEAST_GRADIENT, fails=Status.PREMISE_NOT_MET)
+        return judge.least(seen, LEAST_GRADIENT, lambda x: x > LEAST_GRADIENT, fails=Status.PREMISE_NOT_MET)
 
     def _kink(self, judge: Judge) -> Finding:
         s, z, b = self.s, self.now.harmonic, self.s["barrier"]
