@@ -167,7 +167,8 @@ PREMISE_WORDS = [
     ("shared-manoeuvre", "P2", "all barriers share one manoeuvre", "Assumption 1", "", ""),
     ("manoeuvre-in-U", "P3", "gamma lies in the input set", "Theorem 2", "distance inside U", ""),
     ("manoeuvre-flyable", "P4", "the vehicles can fly gamma for ever", "Theorem 2", "", ""),
-    ("gradient", "P5", "L_g h is not zero at the boundary", "Theorem 2, Proposition 1", "least |L_g h|", ""),
+    ("gradient", "P5", "L_g h is not zero within 0.05 of the boundary, h = 0", "Theorem 2, Proposition 1",
+     "least |L_g h| where |h| <= 0.05", ""),
     ("off-the-kink", "P6", "h is differentiable where it binds", "Theorem 2, Appendix",
      "filter steps' motion to the kink, least", ""),
 ]  # fmt: skip

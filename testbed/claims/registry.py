@@ -67,9 +67,9 @@ GRADIENT = Claim(
     "gradient",
     "P5",
     Kind.PREMISE,
-    "L_g h is not zero at the boundary",
+    "L_g h is not zero within 0.05 of the boundary, h = 0",
     "Theorem 2, Proposition 1",
-    "least |L_g h|",
+    "least |L_g h| where |h| <= 0.05",
 )
 OFF_THE_KINK = Claim(
     "off-the-kink",

@@ -34,4 +34,4 @@ if __name__ == "__main__":
     scenario = testbed.load_scenario("paper-2-turn", settings)
     run = testbed.run(scenario, parts=testbed.Parts(disturbance=Thermal))
     print(f"strongest updraft met: {run.vehicles.wind_up_mps.max():.2f} m/s")
-    print(run.scorecard.loc[["separation", "safe-set"], ["verdict", "value", "bound", "t_s"]])
+    print(run.scorecard.loc[["separation", "safe-set"], ["verdict", "value", "margin", "t_s"]])

@@ -25,4 +25,4 @@ class Homing:
 if __name__ == "__main__":
     scenario = testbed.load_scenario("paper-2-turn", ["filter_dt_s=0.05", "record_dt_s=0.05"])
     run = testbed.run(scenario, parts=testbed.Parts(nominal=Homing))
-    print(run.scorecard.loc[["separation", "safe-set", "goal"], ["verdict", "value", "bound", "t_s"]])
+    print(run.scorecard.loc[["separation", "safe-set", "goal"], ["verdict", "value", "margin", "t_s"]])
