@@ -1,4 +1,4 @@
-"""Constraints on the inputs of vehicles: linear rows, each over one to k vehicles.
+"""Defines constraints on the inputs of vehicles: linear rows, each over one to k vehicles.
 
 A row comes from a function h of the state that shall stay >= 0. Its rate under the vehicles' inputs is
 hdot = L_f h + the sum over its vehicles of L_g h u, and the row asks for hdot + alpha(h) >= 0 with alpha of

@@ -1,4 +1,4 @@
-"""What a collision filter is, what it returns, and what it declares about itself.
+"""Defines what a collision filter is, what it returns, and what it declares about itself.
 
 A filter is any callable `(view, nominal, limits) -> Decision`. It may also have a property `declaration`;
 what it declares is judged, and nothing else is found out about it.

@@ -1,4 +1,4 @@
-"""State, command and limits of fixed-wing vehicles as arrays, and the exact unicycle motion.
+"""Defines state, command, limits and view of the vehicles as arrays, and the exact unicycle motion.
 
 Everything is SI and east-north-up: `theta` is the course, counter-clockwise from east, `v` the horizontal
 ground speed, `omega` the course rate, `zeta` the climb rate (Squires et al. 2022, eq. (2)).

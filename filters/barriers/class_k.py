@@ -1,4 +1,4 @@
-"""Class-K functions alpha(h): how fast a barrier may be approached."""
+"""Defines class-K functions alpha(h), which say how fast h may fall."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pairwise barrier functions in closed form: h(x_i, x_j) and its gradient over all pairs at once.
+"""Computes pairwise barriers in closed form, with gradients: all turn at one rate, or all fly straight on.
 
 Planar vectors are complex numbers, east + 1j north. The construction for any manoeuvre is in `rollout`.
 """

@@ -1,4 +1,4 @@
-"""The distance of each pair as a barrier function, which the paper shows to be none."""
+"""Computes the clearance of each pair now, which the paper shows to be no barrier."""
 
 from __future__ import annotations
 

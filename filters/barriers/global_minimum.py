@@ -1,4 +1,4 @@
-"""Global minima of many smooth functions of time at once; a curvature bound ensures that none is missed."""
+"""Finds the global minima of many smooth functions of time; a curvature bound ensures that none is missed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every pairwise barrier shares: pairs, values with gradients, the forms of h, differenced gradients."""
+"""Defines what pairwise barriers share: pairs, values with gradients, forms of h, differenced gradients."""
 
 from __future__ import annotations
 

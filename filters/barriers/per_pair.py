@@ -1,4 +1,4 @@
-"""A barrier of its own for every pair: what the paper's Assumption 1 excludes."""
+"""Gives every pair a barrier of its own, which the paper's Assumption 1 excludes."""
 
 from __future__ import annotations
 

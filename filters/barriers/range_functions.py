@@ -1,4 +1,4 @@
-"""Safety functions rho(x_i, x_j) and the relative motion along which `rollout` minimises them.
+"""Defines safety functions rho(x_i, x_j) and the relative motion along which `rollout` minimises them.
 
 Planar vectors are complex numbers, east + 1j north.
 """

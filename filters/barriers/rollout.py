@@ -1,4 +1,4 @@
-"""The paper's general construction, computed: the worst future of each pair under constant manoeuvres.
+"""Computes the paper's general barrier: the least of a safety function while all fly constant manoeuvres.
 
 Planar vectors are complex numbers, east + 1j north.
 """

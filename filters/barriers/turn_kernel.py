@@ -1,6 +1,7 @@
-"""The turn barrier's arithmetic, of one pair in plain numbers or of many in arrays: the same few lines.
+"""Computes the turn barrier of one pair in plain numbers, or of many pairs in arrays, by the same lines.
 
-Planar vectors are complex, east + 1j north. What numpy takes for a pair is mostly the calls, 50 us of 3.
+Planar vectors are complex, east + 1j north. For one pair numpy takes 50 us, nearly all of it for its calls;
+plain numbers take 3 us.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def clearance(
     tilt     delta (-1 - 1j) e^(1j theta_i), m^2; not read if delta is 0
     epsilon  m^4, the smoothing squared
     kind     what the numbers are
-    Source   see `barrier.TurnBarrier`
+    Source   see `closed_form.TurnBarrier`
     """
     arm_i, arm_j = arms
     q, d, dz = apart

@@ -1,4 +1,4 @@
-"""The collision-avoidance filter: the commands nearest to the nominal ones that satisfy every constraint.
+"""Filters commands for collision avoidance: the nearest to the nominal ones that satisfy every constraint.
 
 The rows (`constraints`) are solved either for all vehicles at once ("centralised", Squires et al. 2022,
 "Composition") or by every vehicle for itself, from what it sees and without knowing the others' inputs
@@ -160,7 +160,7 @@ class CollisionFilter:
 
 
 def _as_wanted(problem: Problem, pairs: PairValues, hdot: Array) -> Decision:
-    """What is wanted, inside the limits, satisfies every row, as it mostly does: the optimum."""
+    """The decision where the nominal commands inside the limits satisfy every row: they are the optimum."""
     solved = np.empty(len(problem.target), dtype=int)
     solved[:] = Status.SOLVED
     return problem.decision(problem.clipped, solved, np.zeros(len(solved)), pairs, hdot)

@@ -1,4 +1,4 @@
-"""The filter's constraints: the paper's rows of all pairs, and each vehicle's share of rows over several.
+"""Makes the filter's constraints: the paper's rows of all pairs, and each vehicle's share of them.
 
 A pair's row is L_g h_i u_i + L_g h_j u_j >= -alpha(h); L_f h is 0 for the unicycle (Squires et al. 2022,
 "Composition of multiple safety constraints").

@@ -1,4 +1,4 @@
-"""One filter step's quadratic programs: over all vehicles at once, or one per vehicle on rows of its own."""
+"""Solves one filter step's quadratic programs: one over all vehicles, or one per vehicle."""
 
 from __future__ import annotations
 

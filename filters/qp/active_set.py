@@ -1,4 +1,4 @@
-"""Attempts at quadratic programs by a dual active-set method: the only module that imports daqp.
+"""Tries to solve quadratic programs by a dual active-set method; the only module that imports daqp.
 
 Such a method ends at the optimum itself, to rounding, after about as many steps as constraints are active, so
 it suits QPs with few of them. Its answers are checked by the caller like any other solver's.

@@ -1,6 +1,6 @@
-"""Many small quadratic programs of one step: prepared and checked together, each solved for itself.
+"""Solves many small quadratic programs of one step: all prepared and checked together, each solved alone.
 
-What surrounds a solver of three variables costs more than the solver, so it is done for all QPs in one pass.
+Preparing and checking a QP of three variables costs more than solving it, so both are done for all at once.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _together(
     """
     first = np.cumsum(count) - count
     place = np.repeat(np.arange(len(count)), count)
-    # As in `qp.solve`: entries without a choice, or in no row, are data, kept to the last bit.
+    # As in `qp.solve`: entries with equal limits, or in no row, are constants, kept to the last bit.
     choice = lower < upper
     free = choice & np.logical_or.reduceat(rows != 0.0, first, axis=0)
     t = np.where(free, target, clipped)

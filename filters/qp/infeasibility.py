@@ -1,4 +1,4 @@
-"""Proof that a quadratic program has no solution, several times as fast as measuring by how much."""
+"""Proves that a quadratic program has no solution, faster than by finding its largest common margin."""
 
 from __future__ import annotations
 

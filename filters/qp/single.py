@@ -1,4 +1,4 @@
-"""The safety filter's quadratic program: the input nearest to a target inside a box and above some rows.
+"""Solves the safety filter's quadratic program: the input nearest to a target, inside a box and above rows.
 
     minimise  1/2 |u - target|^2   subject to   rows u >= rhs,   lower <= u <= upper
 
@@ -40,7 +40,7 @@ RESIDUAL = 1e-6
 class Status(enum.IntEnum):
     """How a QP ended. Only SOLVED carries a guarantee.
 
-    NONE             no QP stands behind this input (the filter has none).
+    NONE             no QP was solved for this input (the filter has none).
     SOLVED           the optimum; every row and the box hold within `RESIDUAL`.
     INFEASIBLE       no input in the box satisfies every row: a linear program, or multipliers, proved it.
     ITERATION_LIMIT  an input exists but was not found: report the arguments, it should not happen.
@@ -141,8 +141,9 @@ def solve(
     u = np.clip(t, lo, hi)
     if np.all(A @ u >= b):
         return Solution(u, Status.SOLVED, 0.0)
-    # Entries without a choice, or in no row, are data. Leaving them out is exact in floating point too, so
-    # vehicles in one plane stay in it: rounding in a climb rate would grow, since climbing apart is safer.
+    # Entries with equal limits, or in no row, are constants. Leaving them out is exact in floating point
+    # too, so vehicles in one plane stay in it: rounding in a climb rate would grow, since climbing apart is
+    # safer.
     free = (lo < hi) & A.any(axis=0)
     if free.all():
         return _solve_active(t, A, b, lo, hi, solver)

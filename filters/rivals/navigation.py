@@ -1,4 +1,4 @@
-"""The navigation-function baseline the paper compares with: steer down a potential, at constant speed.
+"""Steers down a navigation function at constant speed: the baseline that the paper compares with.
 
 Panyakeow & Mesbahi, "Decentralized deconfliction algorithms for unicycle UAVs" (ACC 2010), as the paper's
 authors ran it: with a swirling term, and with the turn rate proportional to the heading error alone.

@@ -1,4 +1,4 @@
-"""A filter posed in the frame that moves with the air.
+"""Lets a filter work in the frame that moves with the air.
 
 Aircraft turn circles in the air, not over the ground, and an evading manoeuvre of constant speed and turn
 rate is a circle in one frame only. Seen from the air mass the relative positions are the same, so Ds and h

@@ -1,4 +1,4 @@
-"""A filter that looks at where the vehicles will be: its pose predicted from measured rates.
+"""Shows a filter where the vehicles will be: poses predicted from the measured ones and their rates.
 
 Aircraft answer commands late, so a filter that reasons as if they were unicycles acts late. Predicting the
 pose over the lag takes most of that away; the commands, nominal and chosen, pass unchanged. The wrapped

@@ -1,4 +1,4 @@
-"""Margins on the rows of a filter's QPs, against inputs that are not flown exactly as commanded.
+"""Defines margins on the rows of a filter's QPs, for inputs that are not flown exactly as commanded.
 
 A margin raises the right-hand side of a row by an amount per vehicle side, from that side's own L_g h: the
 centralised row of a pair gets both sides', each limited-communication row its own, so a margin is split
@@ -21,7 +21,7 @@ class BoundedError:
     """The margin sum_c d_c |L_g h|_c: hdot + alpha(h) >= 0 whatever each channel does within its bound.
 
     v, omega, zeta  m/s, rad/s, m/s: bounds d of |achieved - commanded|
-    The smallest margin that does it: some corner of the box of errors uses all of it.
+    No smaller margin would do: some corner of the box of errors uses all of it.
     Raises  ValueError naming a bound that is negative or not finite.
     """
 
