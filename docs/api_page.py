@@ -25,7 +25,7 @@ import testbed
 
 scenario = testbed.load_scenario("paper-2-turn", ["filter_dt_s=0.05", "record_dt_s=0.05"])
 run = testbed.run(scenario)
-print(run.scorecard[["verdict", "value", "bound", "t_s"]])
+print(run.scorecard[["verdict", "value", "margin", "t_s"]])
 
 nearest = run.pairs.loc[run.pairs.distance_m.idxmin()]
 print(f"vehicles {nearest.i:.0f} and {nearest.j:.0f}: {nearest.distance_m:.2f} m at {nearest.t_s:.2f} s")

@@ -18,5 +18,5 @@ if __name__ == "__main__":
         # The filter alters what is given; `session.step()` asks the scenario's guidance instead.
         step = session.step(Command(np.full(2, 20.0), turn, np.zeros(2)))
     run = session.judge()
-    print(run.scorecard.loc[["separation", "safe-set", "goal"], ["verdict", "value", "bound", "t_s"]])
+    print(run.scorecard.loc[["separation", "safe-set", "goal"], ["verdict", "value", "margin", "t_s"]])
     print("parts:", {part: origin["name"] for part, origin in run.manifest["parts"].items()})
