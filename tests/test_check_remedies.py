@@ -119,6 +119,28 @@ def test_what_jsbsim_does_not_load_has_the_line_of_what_it_names(folder: Path, o
     assert (found.rule, found.file, found.line) == ("load", X8, line), str(found)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('<emptywt unit="KG"> 3.364', '<emptywt unit="KG"> -3', "<emptywt> is -3"),
+        ('<emptywt unit="KG"> 3.364', '<emptywt unit="KG"> 0', "<emptywt> is 0"),
+        ('<wingarea unit="M2"> 0.75', '<wingarea unit="M2"> 0', "<wingarea> is 0"),
+        ('<wingspan unit="M"> 2.1', '<wingspan unit="M"> -2.1', "<wingspan> is -2.1"),
+        (
+            '<system file="autopilot"/>',
+            '<system file="autopilot"/> <system file="autopilot.xml"/>',
+            "already loaded",
+        ),
+    ],
+)
+def test_a_size_that_no_aircraft_has_is_one_finding_at_its_line(
+    folder: Path, old: str, new: str, message: str
+) -> None:
+    line = plant(folder, X8, old, new)
+    (found,) = check(folder)
+    assert (found.file, found.line) == (X8, line) and message in found.message
+
+
 def test_a_key_is_found_in_its_own_table(folder: Path) -> None:
     """model_lag_s stands in three tables; the finding is at the one it is about."""
     text = (folder / TOML).read_text()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from aircraft.airframe import load
+from aircraft.airframe import copy, load
 from aircraft.airframes.schema import Airframe, Channel, Identified
 from aircraft.autopilots import gains
 from aircraft.autopilots.freshness import stale_lags
@@ -288,3 +289,29 @@ def test_missed_bounds_end_a_check_with_exit_code_1_and_the_page_says_them(
 def test_a_sweep_is_not_checked(refusal: Callable[..., str]) -> None:
     said = refusal("tune", "x8", "--sweep", "turn.damping=0.5:2:3", "--check")
     assert "--check: a --sweep has many sets of gains" in said
+
+
+@pytest.mark.parametrize("command", [("tune",), ("aircraft", "describe")])
+@pytest.mark.parametrize(
+    ("old", "new", "cause"),
+    [
+        ('<system file="autopilot"/>', "", "no property ap/"),
+        ('<wingarea unit="M2"> 0.75', '<wingarea unit="M2"> 0', "division by zero|cannot fly"),
+    ],
+)
+def test_a_model_that_cannot_be_flown_is_one_line_and_exit_code_2(
+    command: tuple[str, ...],
+    old: str,
+    new: str,
+    cause: str,
+    tmp_path: Path,
+    call: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    mine = copy("x8", tmp_path / "mine")
+    text = (mine / "x8.xml").read_text()
+    assert old in text
+    (mine / "x8.xml").write_text(text.replace(old, new))
+    assert call(*command, mine) == 2
+    (said,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    assert re.search(cause, said) and f"see: testbed aircraft check {mine}" in said

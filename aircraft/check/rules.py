@@ -67,6 +67,12 @@ def _inertia(files: Files) -> list[Finding]:
     if wrong := [e for e in mass.children if e.name in _INERTIA and e.number() is None]:
         message = f"<{wrong[0].name}> is no number: {wrong[0].text}"
         return [Finding("inertia", "error", files.model, wrong[0].line, message, "write a number")]
+    empty = mass.first("emptywt")
+    weight = 0.0 if empty is None else empty.number() or 0.0
+    if weight < 0.0 or (weight == 0.0 and mass.first("pointmass") is None):
+        line = (empty or mass).line
+        message = f"<emptywt> is {weight:g}: a mass is above zero"
+        return [Finding("inertia", "error", files.model, line, message, "write the mass of the aircraft")]
     terms = {
         e.name: (e.number() or 0.0) * _UNITS.get(e.attributes.get("unit", "SLUG*FT2"), 1.0)
         for e in mass.children
@@ -85,6 +91,36 @@ def _inertia(files: Files) -> list[Finding]:
         findings.append(
             Finding("jxz-sign", "error", files.model, mass.line, "the sign of Jxz is not stated", remedy)
         )
+    return findings
+
+
+def _metrics(files: Files) -> list[Finding]:
+    """Wing area, span and chord, by which JSBSim multiplies and divides: above zero."""
+    root = files.trees[files.model]
+    metrics = root.first("metrics")
+    findings = []
+    for name in ("wingarea", "wingspan", "chord"):
+        e = None if metrics is None else metrics.first(name)
+        size = 0.0 if e is None else e.number()
+        if size is None or size > 0.0:  # of what is no number, JSBSim speaks
+            continue
+        message = f"no <{name}>" if e is None else f"<{name}> is {e.text}: it must be above zero"
+        where = (e or metrics or root).line
+        findings.append(Finding("metrics", "error", files.model, where, message, f"write the true <{name}>"))
+    return findings
+
+
+def _loaded_twice(files: Files) -> list[Finding]:
+    """A system file that the model names twice: its components run twice in a step."""
+    seen: dict[str, int] = {}
+    findings = []
+    for e in files.trees[files.model].all("system"):
+        name = e.attributes.get("file", "").removesuffix(".xml")
+        if name and name in seen:
+            message = f"the system {name} is already loaded on line {seen[name]}"
+            findings.append(Finding("duplicate", "error", files.model, e.line, message, "remove this line"))
+        elif name:
+            seen[name] = e.line
     return findings
 
 
@@ -189,8 +225,10 @@ RULES: tuple[Callable[[Files], list[Finding]], ...] = (
     _words,
     _engine,
     _inertia,
+    _metrics,
     _pitch_trim,
     _duplicates,
+    _loaded_twice,
     _gains,
     _autopilot,
     _current,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import json
+import shlex
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -59,7 +61,6 @@ def describe(
 ) -> None:
     """A datasheet: geometry, trim, envelope, modes, margins, steps; with --out a page with plots."""
     from aircraft.datasheets.datasheet import describe as measure
-    from aircraft.jsbsim.errors import FdmError
     from testbed.records.checksums import plain
     from testbed.records.store import check_free
     from testbed.report.aircraft_tables import markdown, tables
@@ -67,10 +68,8 @@ def describe(
     airframe = airframe_of(name, gains)
     if out is not None:
         check_free(out, overwrite)
-    try:
+    with flying(name):
         sheet = measure(airframe, progress=_say)
-    except FdmError as error:
-        raise UserError(f"{name}: {error}; see: testbed aircraft check") from None
     if out is not None:
         from testbed.report.aircraft_page import write
 
@@ -194,16 +193,13 @@ def _remake(
     name: str, make: Callable[[Airframe], Remade], dry_run: bool, as_json: bool, after: str = ""
 ) -> None:
     """Make a file of an airframe anew, write it unless told not to, and say what changed."""
-    from aircraft.jsbsim.errors import FdmError
-
     airframe = airframe_of(name)
     try:
-        remade = make(airframe)
+        with flying(name):
+            remade = make(airframe)
         changed = remade.changed
         if changed and not dry_run:
             remade.write()
-    except FdmError as error:
-        raise UserError(f"{name}: {error}; see: testbed aircraft check {name}") from None
     except ValueError as error:
         raise UserError(f"{airframe.folder / 'airframe.toml'}: {error}") from None
     except OSError as error:
@@ -240,6 +236,20 @@ def airframe_of(name: str, gains: Path | None = None) -> Airframe:
         more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
         raise UserError(f"{gains or airframe.folder / 'airframe.toml'}: gains.{faults[0]}{more}")
     return airframe
+
+
+@contextmanager
+def flying(name: str) -> Iterator[None]:
+    """What a model that cannot be flown raises ends in one line that names the airframe and its check."""
+    from numpy.linalg import LinAlgError
+
+    from aircraft.jsbsim.errors import FdmError
+
+    try:
+        yield
+    except (FdmError, ArithmeticError, LinAlgError) as error:
+        kind = "" if isinstance(error, FdmError) else f"{type(error).__name__}: "
+        raise UserError(f"{name}: {kind}{error}; see: testbed aircraft check {shlex.quote(name)}") from None
 
 
 def _say(what: str) -> None:

@@ -15,6 +15,7 @@ from testbed.cli.aircraft import (
     OutOption,
     OverwriteOption,
     airframe_of,
+    flying,
     show_table,
 )
 from testbed.cli.common import WorkersOption
@@ -73,23 +74,24 @@ def tune(
         raise UserError("--sweep and --optimise: one at a time")
     said = _command(name, sweep, scenario, set_, gains)
     where = out or Path("runs") / f"{airframe.name}-tune"
-    if sweep:
-        from testbed.scenario.scenario import load
+    with flying(name):
+        if sweep:
+            from testbed.scenario.scenario import load
 
-        s = load(scenario, [*(set_ or []), "plant=jsbsim"]) if scenario else None
-        swept = [tuning.Sweep.parse(text, airframe) for text in sweep]
-        found = tuning.sweep(
-            airframe, name, swept, s, where, command=said, workers=workers, overwrite=overwrite
-        )
-    elif optimise:
-        said += "".join(f" --vary {v}" for v in vary or [])
-        said += f" --optimise --seed {seed} --starts {starts} --evaluations {evaluations}"
-        found = optimisation.optimise(
-            airframe, name, where, command=said, vary=vary or [], seed=seed, starts=starts,
-            evaluations=evaluations, workers=workers, overwrite=overwrite,
-        )  # fmt: skip
-    else:
-        found = tuning.specification(airframe, out, command=said, overwrite=overwrite)
+            s = load(scenario, [*(set_ or []), "plant=jsbsim"]) if scenario else None
+            swept = [tuning.Sweep.parse(text, airframe) for text in sweep]
+            found = tuning.sweep(
+                airframe, name, swept, s, where, command=said, workers=workers, overwrite=overwrite
+            )
+        elif optimise:
+            said += "".join(f" --vary {v}" for v in vary or [])
+            said += f" --optimise --seed {seed} --starts {starts} --evaluations {evaluations}"
+            found = optimisation.optimise(
+                airframe, name, where, command=said, vary=vary or [], seed=seed, starts=starts,
+                evaluations=evaluations, workers=workers, overwrite=overwrite,
+            )  # fmt: skip
+        else:
+            found = tuning.specification(airframe, out, command=said, overwrite=overwrite)
     if as_json:
         from testbed.records.checksums import plain
 
