@@ -28,12 +28,18 @@ def filtering(rows: Rows) -> Iterator[Finding]:
             yield look(rows, Judge(rows.run, rows.run.guarantees[claim.id]))
 
 
-def _own_filter(judge: Judge, least: float) -> Finding:
-    """G4 or G6 of a user's own filter: its rows are not recorded, but value and verdict must fit."""
+def _own_filter(judge: Judge, bound: float, more: int) -> Finding:
+    """G4 or G6 of a user's own filter: its rows are not recorded, but value, margin and verdict must fit.
+
+    more  1 where a larger value is better, -1 where a smaller one is
+    """
     e = judge.entry
     if e["value"] is not None:
-        judge.expect("bound", e["bound"], 0)
-        judge.expect("verdict", e["verdict"] == Status.VIOLATED, not e["margin"] >= least)
+        judge.expect_near("bound", e["bound"], bound, 0.0)
+        judge.expect_near(
+            "margin", e["margin"], more * (e["value"] - bound), 1e-9 * max(1.0, abs(e["value"]))
+        )
+        judge.expect("verdict", e["verdict"] == Status.VIOLATED, not e["margin"] >= 0.0)
     if e["verdict"] == Status.HOLDS:
         judge.expect("verdict", e["verdict"], judge.verdict(e["value"] is not None))
     return judge.done("not recorded", open_=True, why="the filter was not the scenario's")
@@ -42,7 +48,7 @@ def _own_filter(judge: Judge, least: float) -> Finding:
 def _feasibility(rows: Rows, judge: Judge) -> Finding:
     run, e = rows.run, judge.entry
     if "filter" in run.parts:
-        return _own_filter(judge, 0.0)
+        return _own_filter(judge, 0.0, -1)
     if not rows.solves:
         return judge.nothing("no QP")
     status = run.vehicles["qp_status"]
@@ -110,7 +116,7 @@ def _stops(judge: Judge) -> None:
 def _satisfied(rows: Rows, judge: Judge) -> Finding:
     run = rows.run
     if "filter" in run.parts:
-        return _own_filter(judge, -ROW_ALLOWED)
+        return _own_filter(judge, -ROW_ALLOWED, 1)
     if not rows.solves or not run.i.size:
         return judge.nothing("no rows")
     if rows.own is None:
