@@ -1,1 +1,1 @@
-"""How it flies: JSBSim aircraft with inner-loop autopilots, and kinematic plants, behind one seam."""
+"""How vehicles fly: JSBSim aircraft with autopilots, and kinematic plants, behind one interface."""

@@ -42,9 +42,9 @@ def load_gains(path: Path, airframe: Airframe | None = None) -> Airframe:
 
 
 def copy(name_or_folder: str, folder: Path) -> Path:
-    """Copy an airframe to a new `folder`, after whose last part the copy is named; returns it.
+    """Copy an airframe to a new `folder`, whose last part becomes the copy's name; returns the copy.
 
-    Raises  FileExistsError if there is something, ValueError for a name that TOML or JSBSim could not take
+    Raises  FileExistsError if the folder exists, ValueError for a name that TOML or JSBSim could not take
     """
     if folder.exists():
         raise FileExistsError(f"{folder} exists; give another folder")

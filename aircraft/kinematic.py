@@ -171,4 +171,4 @@ class KinematicFleet:
         return [""] * self._vehicles
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: a unicycle holds nothing to release."""

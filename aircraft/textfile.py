@@ -1,4 +1,4 @@
-"""Reads text and TOML files from anybody: of bounded size, in any usual encoding, with errors in one line."""
+"""Reads untrusted text and TOML files: of bounded size, in any usual encoding, with errors in one line."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def read_text(path: Path) -> str:
     """
     try:
         found = path.stat()
-        # A pipe or a device would be waited for, or never end.
+        # Reading a pipe or a device could wait for ever.
         if not stat.S_ISREG(found.st_mode):
             raise TextError("is not an ordinary file")
         if found.st_size > LARGEST_BYTES:
@@ -80,7 +80,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text; raises TextError, in one line, for whatever is none."""
+    """The tables of a TOML text; raises TextError, in one line, for text that is not TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

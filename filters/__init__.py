@@ -1,1 +1,1 @@
-"""What to fly: control barrier functions for fixed-wing collision avoidance (Squires et al. 2022)."""
+"""Computes safe commands: control barrier functions for fixed-wing aircraft (Squires et al. 2022)."""

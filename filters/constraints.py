@@ -54,7 +54,7 @@ class Constraints:
         """The rows for hdot + alpha(h) >= 0, with alpha_h (R,) = alpha(h) and drift = L_f h.
 
         Raises  FloatingPointError naming the vehicles of the first row with a number that is not finite. A
-                NaN compares false with everything, so it would remove the constraint without a sign.
+                NaN compares false with everything, so it would remove the constraint without notice.
         """
         rhs = -alpha_h if isinstance(drift, float) and drift == 0.0 else -alpha_h - drift
         rows = cls(vehicles, lie, h, rhs, drift)

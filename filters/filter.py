@@ -1,7 +1,7 @@
 """Defines what a collision filter is, what it returns, and what it declares about itself.
 
 A filter is any callable `(view, nominal, limits) -> Decision`. It may also have a property `declaration`;
-what it declares is judged, and nothing else is found out about it.
+only what it declares there is judged.
 """
 
 from __future__ import annotations

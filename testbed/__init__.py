@@ -1,4 +1,4 @@
-"""How we measure: scenarios, the simulation loop, guarantees, reports.
+"""Simulates, measures and judges: scenarios, the simulation loop, verdicts, studies, reports.
 
 import testbed
 

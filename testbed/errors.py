@@ -10,9 +10,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 
-# Of what a file says a message quotes a little; longer ones are cut.
+# Messages are cut to so many letters, since they may quote a file.
 LONGEST_MESSAGE = 2000
-# Of several mistakes, so many are named.
+# A message names at most so many mistakes.
 NAMED_MISTAKES = 4
 
 

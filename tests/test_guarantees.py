@@ -199,7 +199,7 @@ def flown_alone() -> Flown:
 
 def test_one_vehicle_has_no_pair_to_judge() -> None:
     verdicts = {g["id"]: (g["verdict"], g["why"]) for g in judge(flown_alone())}
-    assert verdicts["separation"] == ("not applicable", "one vehicle has nobody to keep clear of")
+    assert verdicts["separation"] == ("not applicable", "a single vehicle has no pair")
     for name in ("safe-set", "barrier-condition", "zcbf-condition"):
         assert verdicts[name] == ("not applicable", "no pair, no barrier")
     assert verdicts["rows-satisfied"] == ("not applicable", "no rows")

@@ -33,14 +33,14 @@ _DIGITS = 8  # hexadecimal, of each half
 
 
 def identified_fingerprint(airframe: Airframe) -> str:
-    """Of what lags are identified on: gains, speeds of the steps and autopilot, "-", the model."""
+    """Fingerprint of what lags are identified with: gains, step speeds and autopilot, "-", the model."""
     files = _files(airframe)
     autopilot, model = ([f for f in files if (f[0] == _AUTOPILOT) == wanted] for wanted in (True, False))
     return f"{_digest([autopilot, airframe.gains, airframe.speeds.model_dump()])}-{_digest(model)}"
 
 
 def fitted_fingerprint(airframe: Airframe) -> str:
-    """Of the fitted gains, and the gains and speeds that enter their fit, "-", the model."""
+    """Fingerprint of the fitted gains, and the gains and speeds that enter their fit, "-", the model."""
     known = airframe.gains.get("airframe", {})
     envelope = airframe.gains.get("envelope", {}).get("airspeed_min_mps")
     gains = {name: known.get(name) for name in (*FITTED, *_USED)}
@@ -76,7 +76,7 @@ def _element(e: Element, gains: set[str]) -> Iterator[Any]:
 
 
 def _plain(text: str) -> list[str | float]:
-    """Words and numbers, so that 0.5 and 0.50 are alike."""
+    """The text as words and numbers, so that 0.5 and 0.50 are equal."""
     words: list[str | float] = []
     for word in text.split():
         try:

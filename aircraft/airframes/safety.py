@@ -1,7 +1,7 @@
-"""What an airframe folder from a stranger may not do: reach outside itself, write, listen, or exhaust memory.
+"""Refuses airframe folders from others that reach outside themselves, write, listen, or exhaust memory.
 
-JSBSim itself is trusted to parse XML that has no document type; whether a model is any good is another
-question, which `testbed aircraft check` answers in a process of its own.
+JSBSim itself is trusted to parse XML that has no document type; whether the model is sound is checked by
+`testbed aircraft check`, in a process of its own.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _KEEP = "keep every file below the folder"
 def vet(airframe: Airframe) -> None:
     """ValueError naming file, line and remedy of the first thing that this folder may not do.
 
-    A file that is missing is no danger: who loads the model says so.
+    A missing file is no danger; loading the model reports it.
     """
     found = next((f for f in dangers(airframe.folder) if f.rule != "files"), None)
     if found is not None:

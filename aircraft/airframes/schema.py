@@ -1,6 +1,6 @@
 """The contents of `airframe.toml` as typed data: speeds, surfaces, gains, identified lags.
 
-Nothing here trusts or vets a folder: `aircraft.airframe.load` does.
+Nothing here checks whether a folder is safe: `aircraft.airframe.load` does.
 """
 
 from __future__ import annotations

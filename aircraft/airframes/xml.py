@@ -12,7 +12,7 @@ DEEPEST = 200
 
 
 class RefusedError(ValueError):
-    """XML that is not read on: what is wrong, in one line, and where."""
+    """XML that was refused: why, in one line, and where."""
 
     def __init__(self, message: str, line: int | None = None) -> None:
         super().__init__(message)

@@ -1,7 +1,8 @@
 """Decides whether derived numbers still belong to their aircraft: identified lags and fitted feed-forward.
 
-They do if the fingerprint is the same. A model whose files differ in what does not matter to the flight, a
-landing light say, is told apart by asking it: it flies as recorded, or the fit gives the same numbers.
+They do if the fingerprint is the same. Files may differ in something that does not change the flight, such
+as a landing light. So where fingerprints differ the model is tested: if it flies as recorded, or the fit
+gives the same numbers, they belong to it.
 """
 
 from __future__ import annotations

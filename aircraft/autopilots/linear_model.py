@@ -1,6 +1,6 @@
 """The aircraft and its autopilot as one linear discrete-time system around level flight.
 
-Built from parts, none of them a recording of the whole: JSBSim's accelerations differentiated at rest, its
+It is built from parts, not identified from a flight: JSBSim's accelerations differentiated at rest, its
 integration scheme and order of evaluation, actuators from a step, and the autopilot's equations
 differentiated as text. `margins` measures the same loops in flight; a test compares the two.
 
@@ -22,7 +22,7 @@ from aircraft.autopilots.linear_autopilot import LinearAutopilot, linearise, loo
 
 Array = NDArray[np.float64]
 
-# Frames by which a property is old when the autopilot, which runs right after the propagation, reads it.
+# Age [frames] of a property when the autopilot, which runs right after the propagation, reads it.
 _FRESH = ("velocities/v-", "velocities/h-dot", "velocities/p-", "velocities/q-", "velocities/r-", "attitude/")
 _FRESH_BUT_NOT = ("velocities/vt", "velocities/vg", "velocities/p-aero", "velocities/q-aero")
 _TWICE_OLD = ("accelerations/N",)

@@ -1,7 +1,8 @@
 """Frequency responses, margins and modes: measured in the nonlinear simulation, and of a linear model.
 
-A loop is broken at a plant input: an impulse is added to the autopilot's output there, all else closed. What
-the total becomes is the sensitivity S = 1 / (1 + L) at every frequency, sampling and actuators included.
+A loop is broken at a plant input: an impulse is added to the autopilot's output there, with all loops
+closed. The total's response is the sensitivity S = 1 / (1 + L) at every frequency, sampling and actuators
+included.
 `aircraft.autopilots.linear_model` gives the same loops without flying them.
 """
 
@@ -59,7 +60,7 @@ def response(airframe: Airframe, v: float, loop: str, dt: float = 0.005, duratio
 
 
 def _impulse(airframe: Airframe, v: float, loop: str, dt: float, duration: float, size: float) -> Array:
-    """What the plant input becomes, (T,), when `size` is added to it for the first period."""
+    """The plant input (T,) when `size` is added to it in the first period."""
     fdm = Fdm(airframe, dt, Origin())
     fdm.start(Start(0.0, 0.0, 0.0, 0.0, v))
     probe, total = fdm.node(f"ap/{loop}-probe"), fdm.node(f"ap/{loop}-norm")

@@ -1,4 +1,4 @@
-"""Remakes what an airframe's files hold that is derived: feed-forward, the autopilot's XML, identified lags.
+"""Remakes the derived data in an airframe's files: feed-forward, the autopilot's XML, identified lags.
 
 Each function returns the file as it should be; nothing is written before `Remade.write`.
 """
@@ -30,7 +30,7 @@ class Remade:
 
     @property
     def changed(self) -> bool:
-        """Whether the file on disk is another one."""
+        """Whether the file on disk differs."""
         return not self.path.is_file() or self.path.read_text(encoding="utf-8") != self.text
 
     def write(self) -> None:

@@ -1,4 +1,4 @@
-"""What a good autopilot does: the step specification, its targets and how an airframe scores on them."""
+"""Defines the step specification and its targets, and scores an airframe's autopilot on them."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def steps(speeds: Speeds) -> tuple[Step, ...]:
 
 
 AT_LEAST = ("v_below", "limited_zeta", *MARGINS)
-# What no airframe is let off: the rest is wider by its step_factor.
+# Bounds that an airframe's step_factor does not widen; it widens all others.
 ABSOLUTE = ("crossings", "v_above", *AT_LEAST)
 GROUPS = ("turn", "speed", "climb", "all", "dive", "margins", "turbulence")
 
@@ -156,7 +156,7 @@ def margin_rows(
 
     The throttle's are measured in flight where the engine has a lag of its own.
 
-    unstable  speeds [m/s] at which a flight showed that it is, whatever the linear model says
+    unstable  speeds [m/s] at which a flight showed instability, whatever the linear model says
     """
     rows = []
     for v in airframe.speeds.trim_mps if speeds is None else speeds:
@@ -178,7 +178,7 @@ def margin_rows(
 def turbulence_rows(airframe: Airframe, v: float | None = None, seed: int = 1) -> list[Row]:
     """A minute of JSBSim's own MIL-F-8785C moderate turbulence: no command at its stop; tracking rms.
 
-    The rms have no target: they are what a wing in such air does.
+    The rms values have no target.
     v  m/s, by default a third of the way up the airframe's speeds: 18 m/s for 15 to 25 m/s
     """
     v = airframe.speeds.within(0.3) if v is None else v

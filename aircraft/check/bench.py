@@ -1,4 +1,4 @@
-"""A loaded model at rest, asked for forces and moments, and the lines of its file that findings name."""
+"""Evaluates the forces and moments of a loaded model at rest, and finds the lines that findings name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from aircraft.jsbsim.rest import hold
 
 
 class Bench:
-    """The model at rest in time at its start speed, and where its parts stand in the text."""
+    """The model at its start speed, evaluated at rest in time, and the lines of its parts in the text."""
 
     def __init__(self, files: Files, fdm: Fdm) -> None:
         self.files, self.fdm = files, fdm

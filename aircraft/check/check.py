@@ -1,7 +1,7 @@
 """Lints a user's airframe folder: first the files as text, then the model, flown in a process of its own.
 
-Each finding names the file, the line and the remedy. What no text and no flight can show is not claimed: see
-`NOT_SEEN`.
+Each finding names the file, the line and the remedy. `NOT_SEEN` states what neither the text nor a flight
+can show.
 """
 
 from __future__ import annotations

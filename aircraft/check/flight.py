@@ -37,7 +37,7 @@ _HELD = 0.5  # m/s or rad/s: how far level flight may stray
 
 
 def findings(files: Files, stage: Callable[[str], None]) -> Iterator[Finding]:
-    """Everything, in an order that asks the harmless first; stops where nothing more can be asked."""
+    """All findings; harmless checks come first. Stops where no further check is possible."""
     stage("loading the model")
     try:
         executive = load(files.airframe, 0.005)
@@ -192,7 +192,7 @@ def main(folder: Path) -> None:
 
 
 def _unforeseen(files: Files, stage: str, error: Exception) -> Finding:
-    """An exception, as what it is."""
+    """The finding for an unexpected exception."""
     said = " ".join(str(error).replace(f"{files.folder}/", "").split())
     kind = "" if isinstance(error, FdmError) else f"{type(error).__name__}: "
     line = files.trees[files.model].line

@@ -11,7 +11,8 @@ from aircraft.airframes.files import Finding, toml_line
 from aircraft.check.bench import Bench
 from aircraft.datasheets.datasheet import measured
 
-# Thresholds of the plausible. Ours are far inside: yaw from aileron 0.03 (X8) and 0.23 (Rascal) of its roll.
+# Thresholds of plausibility. Our airframes are far inside: yaw from aileron 0.03 (X8) and 0.23 (Rascal) of
+# its roll.
 _YAW_SHARE = 0.5
 _ELEVATOR_DRAG = (
     0.15  # of the zero-lift drag at 5 deg, growing as |de|: 0.09 on the Rascal, 0.28 with the fault
@@ -43,7 +44,7 @@ def _mass(b: Bench) -> Iterator[Finding]:
 
 
 def _signs(b: Bench) -> Iterator[Finding]:
-    """Signs that the autopilot takes for granted, and those of a stable, damped aircraft."""
+    """Signs that the autopilot assumes, and those of a stable, damped aircraft."""
     small = 0.05
     slopes = {
         # what, the axis of its moment: moment index, wanted sign, the state or input that is moved
@@ -76,7 +77,7 @@ def _yaw_from_aileron(b: Bench) -> Iterator[Finding]:
 
 
 def _elevator_drag(b: Bench) -> Iterator[Finding]:
-    """At zero lift, where induced drag is out of the way."""
+    """Drag from the elevator, at zero lift, where there is no induced drag."""
     first, second = b.lift(0.0), b.lift(0.05)
     none = -first * 0.05 / (second - first) if second != first else 0.0
     zero = b.drag(none)

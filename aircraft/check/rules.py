@@ -28,7 +28,7 @@ def _root(files: Files) -> list[Finding]:
 
 
 def _words(files: Files) -> list[Finding]:
-    """JSBSim drops or misreads an element that it does not know, often without a word."""
+    """JSBSim drops or misreads an element that it does not know, often without a message."""
     findings = []
     for file, tree in files.trees.items():
         engine = file.startswith("engine/")
@@ -143,7 +143,7 @@ def _pitch_trim(files: Files) -> list[Finding]:
 
 
 def _duplicates(files: Files) -> list[Finding]:
-    """Two components of one name in a channel load in silence, and the later wins."""
+    """JSBSim loads two components of one name in a channel without a message, and uses the later one."""
     findings = []
     for file, channel in files.elements("channel"):
         seen: dict[str, int] = {}
@@ -170,7 +170,7 @@ def _autopilot(files: Files) -> list[Finding]:
         message = f"the autopilot has no {', '.join(missing)}"
         findings.append(Finding("autopilot", "error", system, line, message, _compile(files)))
     toml = files.folder / "airframe.toml"
-    needed = needed_gains(files.airframe)  # of the others, the rule of gains speaks
+    needed = needed_gains(files.airframe)  # the rule on gains reports the others
     for section, names in files.airframe.gains.items():
         for name in names:
             if property_name(f"{section}_{name}") not in have and f"{section}_{name}" in needed:
@@ -205,7 +205,7 @@ def _current(files: Files) -> list[Finding]:
         return []
     text = path.read_text(encoding="utf-8", errors="replace")
     if not any(mark in text for mark in (MADE_BY, "Made by `python -m aircraft.autopilot")):
-        return []  # somebody's own
+        return []  # an autopilot of the user's own
     try:
         now = system_xml(autopilot(), files.airframe.gain_values())
     except ValueError:

@@ -60,7 +60,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Corner:
-    """One corner of the box. Times are infinite where nothing ends."""
+    """One corner of the box. Times are infinite for what never happens."""
 
     v: float
     omega: float

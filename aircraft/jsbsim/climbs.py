@@ -1,6 +1,6 @@
 """Finds the steady climbs and descents at a given speed and turn rate, and so where the envelope ends.
 
-The throttle is given and the climb angle is sought: another statement of the balance than a trim's, so that
+The throttle is given and the climb angle is sought: this states the balance differently from a trim, so that
 the two can be compared. Among the unknowns the climb angle stands where a trim has its throttle.
 """
 

@@ -1,4 +1,4 @@
-"""Solves equations of steady flight: directly, and by continuation from a flight that was found.
+"""Solves equations of steady flight: directly, and by continuation from a known flight.
 
 A problem has unknowns x (attitude and commands) and parameters p (airspeed, climb and turn, say); its
 residuals are the accelerations that remain. `aircraft.jsbsim.steady` and `climbs` state the problems.
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 BALANCED = 1e-6  # largest residual of a steady flight, in the residuals' units
-_TOLERANCE = 1e-13  # asked of the direct solver; what it reaches is judged by BALANCED
+_TOLERANCE = 1e-13  # tolerance of the direct solver; its result is judged by BALANCED
 _CONVERGED = 1e-10  # residual at which Newton's steps end
 _NEWTON_STEPS = 12
 _DIFFERENCE = 1e-7  # for derivatives by x: rad, or share of a command

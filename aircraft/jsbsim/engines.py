@@ -21,13 +21,13 @@ _THROTTLE, _STARTING_PERIODS = "fcs/throttle-cmd-norm", 200
 _CHUNK = 20  # periods between two looks at the engines
 _MOST_PERIODS = 24_000  # two minutes at 200 Hz; spools take twenty seconds
 _SETTLED = 1e-12  # change over a chunk, as a share of the largest force and of each state
-_TURNS = 1.0  # rpm or percent: a shaft that is slower stands
+_TURNS = 1.0  # rpm or percent: a slower shaft counts as standing
 _NOTHING = 1e-3  # rpm, percent, Pa, lbs or lbs ft: changes of smaller values are taken as shares of this
 _KEPT = 1e-3  # share of state and force by which an engine may change after an evaluation at rest
 
 
 class Held(Protocol):
-    """What of `aircraft.jsbsim.fdm.Fdm` lets engines settle."""
+    """The part of `aircraft.jsbsim.fdm.Fdm` that settling engines needs."""
 
     airframe: Airframe
     executive: Any

@@ -86,7 +86,7 @@ class JsbsimFleet:
         # course [rad], ground speed [m/s], course rate [rad/s] and climb rate [m/s] of each
         self._moves = [(theta, 0.0, 0.0, 0.0) for theta in state.theta.tolist()]
         self._winds: list[list[float]] = []
-        # What telemetry is made of, if read already; and whether it was asked for where the vehicles are now.
+        # Readings for the telemetry, if taken already; whether telemetry was asked for at this instant.
         self._readings: list[float] = []
         self._telling = False
         for i in range(n):
@@ -98,8 +98,8 @@ class JsbsimFleet:
         asked, winds = self._asked(command, wind)
         flying = [not fault for fault in self._faults]
         rows: list[float] = []
-        # Who asked for telemetry last time asks again, mostly: reading it now takes a third of what it takes
-        # later, when the aircraft has left the processor's cache.
+        # Telemetry asked for last time is mostly asked for again: reading it now takes a third of what it
+        # takes later, when the aircraft has left the processor's cache.
         telling, self._readings, self._telling = self._telling and self._alike, [], False
         for i, vehicle in enumerate(self.vehicles):
             if flying[i]:
@@ -141,7 +141,7 @@ class JsbsimFleet:
         return asked, winds
 
     def _arrive(self, i: int, flown: list[float], period: float) -> None:
-        """Take in where vehicle i has flown in `period` [s], how it moves, and what has befallen it.
+        """Take in where vehicle i has flown in `period` [s], how it moves, and whether it met a fault.
 
         A vehicle that has met a fault keeps the course it had and is at rest.
         flown  rows of `Fdm.run`
@@ -156,7 +156,7 @@ class JsbsimFleet:
         self._moves[i] = moves
 
     def _lost(self, i: int, height: float, period: float) -> str:
-        """What has befallen vehicle i, `height` [m] above ground, over `period` [s]; "" for nothing."""
+        """The fault that vehicle i met, `height` [m] above ground, over `period` [s]; "" for none."""
         if height < _GROUND_CONTACT_M:
             return "hit the ground"
         alpha, roll = self.vehicles[i].upset()
@@ -210,7 +210,7 @@ class JsbsimFleet:
         return list(self._faults)
 
     def close(self) -> None:
-        """Let go of the aircraft."""
+        """Release the aircraft."""
         self.vehicles = []
 
     def __len__(self) -> int:

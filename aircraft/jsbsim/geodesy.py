@@ -92,7 +92,7 @@ class Origin:
 
 
 def positions(rows: Sequence[float] | Sequence[Sequence[float]] | Array, origin: Origin) -> Array:
-    """Rows of `Fdm.run` or `Fdm.position`, four numbers each, one after another or apart, as east-north-up
+    """Rows of `Fdm.run` or `Fdm.position`, four numbers each, flat or row by row, as east-north-up
     positions [m], (rows, 3)."""
     metres = np.array(rows, dtype=float).reshape(-1, 4)
     metres *= M_PER_FT

@@ -1,6 +1,6 @@
 """Loads an airframe's model into JSBSim: the only import of jsbsim.
 
-What JSBSim lets pass in silence, or answers by ending the process, is an exception here.
+Faults that JSBSim ignores, or on which it ends the process, are exceptions here.
 """
 
 from __future__ import annotations

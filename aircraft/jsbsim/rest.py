@@ -33,7 +33,7 @@ class Start:
 
 
 class Instance(Protocol):
-    """What of `aircraft.jsbsim.fdm.Fdm` is used before the flight."""
+    """The part of `aircraft.jsbsim.fdm.Fdm` that is used before the flight."""
 
     airframe: Airframe
     origin: Origin

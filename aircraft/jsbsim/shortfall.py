@@ -1,8 +1,8 @@
 """Says which force or moment is missing where an aircraft has no steady flight.
 
 The unknowns of a trim are those of `aircraft.jsbsim.steady`. Flight at a given throttle that balances
-everything but the force along the path nearly always exists; what idle and full throttle leave along the path
-decides.
+everything but the force along the path nearly always exists; the force that idle and full throttle leave
+along the path tells what is missing.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from filters.model import Array
 
 FIRST_CELLS = 32
-# Cells alive at once, all functions together: beyond it memory, not patience, is the limit.
+# Cells alive at once, all functions together: more would not fit in memory.
 CELL_LIMIT = 4_000_000
 
 Function = Callable[[NDArray[Any], Array], Array]

@@ -19,9 +19,10 @@ Index = Any
 FORMS = ("root", "squared")
 
 # Pairs computed at a time. The temporaries of one block stay in cache and in memory the allocator keeps;
-# those of 4950 pairs go back to the system and fault in again, 300 pages a call (none below 1250 pairs).
+# those of 4950 pairs are returned to the system and mapped again, 300 page faults a call (none below 1250).
 BLOCK = 1000
-# Pairs up to which plain numbers are faster than arrays: 5 us a pair here, 70 whatever their number there.
+# Pairs up to which plain numbers are faster than arrays: plain numbers take 5 us a pair, arrays 70 us for
+# any number.
 FEW = 6
 
 
@@ -133,7 +134,7 @@ def vehicle_of(index: Index) -> NDArray[np.intp]:
 
 
 class Kind(NamedTuple):
-    """What arithmetic differs in between plain numbers and arrays of them."""
+    """The operations that differ between plain numbers and arrays."""
 
     sqrt: Callable[[Any], Any]
     larger: Callable[[Any, Any], Any]

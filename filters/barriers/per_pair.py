@@ -15,7 +15,7 @@ class PerPair:
     """A barrier of its own for every pair, in the order (1,2), (1,3), ..., (2,3), ...
 
     Breaks the shared-manoeuvre assumption (Squires et al. 2022, Assumption 1) unless all manoeuvres agree, so
-    rows may contradict each other inside the safe set. It is here to show that.
+    rows may contradict each other inside the safe set. This class exists to show that.
     """
 
     barriers: tuple[Barrier, ...]

@@ -60,8 +60,8 @@ class Problem:
         broken = [s > 0 for s in short]
         if not any(b.any() for b in broken):
             return u, status, np.zeros(len(u))
-        # Rows that no input in the box can violate go. That is exact, and they are the worst scaled ones (a
-        # cubic alpha far from the boundary).
+        # Rows that no input in the box can violate are dropped. This is exact, and it removes the
+        # worst-scaled rows (of a cubic alpha far from the boundary).
         kept = [~(block.least(self.lower, self.upper) >= block.rhs) for block in blocks]
         broken = [b & k for b, k in zip(broken, kept, strict=True)]
         if any(b.any() for b in broken):

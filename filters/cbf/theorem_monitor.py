@@ -125,14 +125,14 @@ class Monitor:
 
 
 def _see_slack(check: Check, step: int, rows: Constraints, u: Array, which: NDArray[np.bool_]) -> None:
-    """Look at by how much inputs u (N, 3) satisfy `which` (R,) of the rows."""
+    """Check by how much inputs u (N, 3) satisfy `which` (R,) of the rows."""
     check.see(step, (rows.left(u) - rows.rhs)[which], *(v[which] for v in rows.vehicles))
 
 
 def _see_cosines(
     check: Check, step: int, blocks: tuple[Constraints, ...], active: Sequence[NDArray[np.intp]], n: int
 ) -> None:
-    """Look at the inner products of all pairs of active rows, naming one row's vehicles, then the other's."""
+    """Check the inner products of all pairs of active rows, naming one row's vehicles, then the other's."""
     count, widest = sum(rows.size for rows in active), max(len(rows.vehicles) for rows in blocks)
     matrix, names = np.zeros((count, n, 3)), np.full((count, widest), -1)
     start = 0

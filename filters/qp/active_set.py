@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-# Largest violation of a unit row that passes for none. daqp's own 1e-6 would leave that much unsolved;
+# Largest violation of a unit row that counts as satisfied. daqp's own 1e-6 would leave that much unsolved;
 # rounding at inputs of some 40 m/s is 1e-14.
 PRIMAL_TOLERANCE = 1e-11
 # What daqp takes for infinity.

@@ -33,7 +33,7 @@ def solve_each(
     rows, rhs  (R, 3), (R,)
     fallback   (N, 3) inputs of those whose QP has no solution; None is what `qp.solve` gives, for which
                infeasible QPs take several times longer
-    Returns u (N, 3) and `qp.Status` (N,); who owns no row gets its clipped target, SOLVED.
+    Returns u (N, 3) and `qp.Status` (N,); a vehicle without rows gets its clipped target, SOLVED.
     Raises  ValueError as `qp.solve`.
     """
     single.check_solver(solver)
@@ -88,7 +88,7 @@ def _together(
         each = choice[place]
         level = rhs - dot(np.where(each, 0.0, rows), taken(clipped, place))
         matrix = np.where(each, rows, 0.0)
-        # Room on both sides, so that equal limits are no active constraints.
+        # Limits moved apart on both sides, so that equal limits are no active constraints.
         lower, upper = np.where(choice, lower, clipped - 1.0), np.where(choice, upper, clipped + 1.0)
     norm = np.sqrt(dot(matrix, matrix))
     norm[norm == 0.0] = 1.0
@@ -96,7 +96,7 @@ def _together(
     found, dual, _, trusted = active_set.attempt_each(t, count, unit, level, lower, upper)
     u = np.where(free, np.minimum(np.maximum(found, lower), upper), clipped)
 
-    # A QP without a solution may have infinite multipliers; what comes of them is nan, which is not trusted.
+    # A QP without a solution may have infinite multipliers; the result is then nan, which is not trusted.
     with np.errstate(invalid="ignore"):
         pull = np.add.reduceat(dual[:, None] * unit, first, axis=0)
     stationary = np.abs(u - np.minimum(np.maximum(t + pull, lower), upper)).max(axis=1)

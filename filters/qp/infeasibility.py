@@ -13,7 +13,7 @@ def impossible(rows: Array, rhs: Array, lower: Array, upper: Array) -> bool:
 
     False is no proof of the contrary. With weights w >= 0 of the rows no input does better than
     max over the box of w (rows u - rhs) = -gap, so the largest common margin is at most -gap / sum w.
-    The weights are Farkas', by non-negative least squares; checked here, so they need no trust.
+    The weights are Farkas', by non-negative least squares; they are checked here.
     """
     from scipy.optimize import nnls
 

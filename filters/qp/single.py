@@ -27,8 +27,8 @@ SOLVERS = get_args(Solver)
 
 Array = NDArray[np.float64]
 
-# OSQP's efforts, tried in turn: (eps_abs = eps_rel, most iterations). What 1000 iterations do not settle the
-# refinement does, sooner than more iterations would.
+# OSQP's efforts, tried in turn: (eps_abs = eps_rel, most iterations). The refinement solves what 1000
+# iterations do not, sooner than more iterations would.
 EFFORTS = ((1e-6, 1_000), (1e-9, 20_000))
 # A solver's answer is taken as it is when its duality gap [1] and its violation of the rows, each
 # divided by its norm, are below this; otherwise it is refined.
@@ -122,7 +122,7 @@ def solve(
     target        (n,)    finite; it may lie outside the box
     rows, rhs     (m, n)  dense or scipy sparse, and (m,); any scale, m may be 0
     lower, upper  (n,)    lower <= upper
-    solver        see `Solver`; either way OSQP has the last word before ITERATION_LIMIT
+    solver        see `Solver`; either way OSQP is tried last, before ITERATION_LIMIT
     Returns a Solution; infeasibility is a status, not an exception.
     Raises  ValueError if shapes disagree, a number is not finite, lower > upper or the solver is unknown.
     Source  Squires et al. 2022, eqs. (9) and the limited-communication QP of "Control calculation".
@@ -189,7 +189,7 @@ def _solve_active(t: Array, A: Array, b: Array, lo: Array, hi: Array, solver: So
                 return Solution(
                     fallback, Status.INFEASIBLE, violation(fallback, A, b), iterations, False, margin
                 )
-    # Rows that only just contradict each other have no exact solution: give way by less than RESIDUAL.
+    # Rows that only just contradict each other have no exact solution: relax them by less than RESIDUAL.
     for slack in (0.0, 0.4 * RESIDUAL + max(0.0, -margin)):
         refined = nearest(t, unit, level - slack / norm, lo, hi, None)
         if refined is not None and violation(refined, A, b) <= RESIDUAL:
@@ -242,7 +242,7 @@ def optimality_error(u: Array, y: Array, t: Array, A: Array, b: Array, lo: Array
     With y >= 0 fixed the Lagrangian is least at clip(t + A' y); beside that every row needs the smaller of
     its multiplier and its slack to be zero. With unit rows all terms are in the unit of u.
     """
-    # A QP without a solution may have infinite multipliers; what comes of them is nan, which is not trusted.
+    # A QP without a solution may have infinite multipliers; the result is then nan, which is not trusted.
     with np.errstate(invalid="ignore"):
         stationary = np.abs(u - np.clip(t + y @ A, lo, hi)).max(initial=0.0)
     return float(max(stationary, np.abs(np.minimum(y, A @ u - b)).max(initial=0.0)))

@@ -35,9 +35,9 @@ class AirMass:
     nominal commands into the air's frame and those chosen back. U bounds ground commands: airspeeds between
     the images of v_min and v_max map into it exactly; turn rates are kept to omega_max times the smallest k
     in between, which is conservative. Hence the clip to U at the end only removes round-off; and gamma,
-    flown relative to the air, may lie outside that set (its ground speed varies by the wind): premise lost,
-    and QPs without a solution say so. A nominal speed below 0 (a goal behind) stays below 0; one below what
-    the wind across leaves possible becomes the slowest that is.
+    flown relative to the air, may lie outside that set (its ground speed varies by the wind): then the
+    premise is not met, and some QPs may have no solution. A nominal speed below 0 (a goal behind) stays
+    below 0; one below the slowest possible in that crosswind becomes the slowest possible.
     """
 
     filter: Choose

@@ -88,8 +88,9 @@ class LaggedPose:
     held  (N,) the command taken to be given from now on; the evading manoeuvre, for a barrier built from it
     Raises  ValueError for another number of lags, or a time that is negative or not finite.
 
-    A channel of time constant T and delay d, given u from now on, keeps its rate r for d (what it hears is
-    on its way already) and then decays towards u as exp(-t/T). Once that is over, the vehicle flies the arc
+    A channel of time constant T and delay d, given u from now on, keeps its rate r for d (the commands of
+    that time are on their way) and then decays towards u as exp(-t/T). Once that is over, the vehicle flies
+    the arc
     that a unicycle would, given u now at another pose: the pose returned. It is displaced by where the
     transient carries the vehicle *beyond* the commanded motion, integral(r - u): for course and height
     (T + d) (r - u), for the position the integral of v(t) e(theta(t)) - v_u e(theta_u + omega_u t).

@@ -29,7 +29,7 @@ QP_FILTERS = ("centralised", "limited")
 
 @dataclass(frozen=True)
 class Flown:
-    """What there is to judge.
+    """The results of a run that the verdicts are made from.
 
     i, j          vehicles of each pair, from 0
     started_safe  whether h >= 0 for all pairs at t = 0
@@ -69,7 +69,7 @@ def judge(f: Flown) -> list[Verdict]:
 
 def _separation(f: Flown, v: Verdict) -> Verdict:
     if not f.i.size:
-        return v.but(why="one vehicle has nobody to keep clear of")
+        return v.but(why="a single vehicle has no pair")
     d_safe, dt = f.scenario.d_safe_m, f.scenario.rates.fdm_dt_s
     possible, reached = f.statistics.least_distances()
     _, between, _ = f.statistics.between.worst()

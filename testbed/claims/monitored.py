@@ -29,7 +29,7 @@ def monitored(record: MonitorRecord, s: Scenario) -> list[Verdict]:
             status=failed if check.failed else Status.HOLDS,
             why=f"{check.failed} of {check.checked} fail" if check.failed else "",
         )
-        # A check that fails by numbers that are none has no worst one.
+        # A check that fails by NaN has no worst number.
         if (check.worst < check.least) == bool(check.failed) and np.isfinite(check.worst):
             v = v.but(value=check.worst, bound=check.least, margin=check.worst - check.least)
         if v.value is not None and check.worst_at is not None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Airframes: datasheets, checks, copies to make your own of.",
+    help="Airframes: datasheets, checks, copies to start your own from.",
 )
 
 NameArg = Annotated[
@@ -119,7 +119,7 @@ def check(
         raise typer.Exit(1)
 
 
-@app.command(short_help="A copy to make your own of.", epilog="Example: testbed aircraft copy x8 my-wing")
+@app.command(short_help="A copy to start your own from.", epilog="Example: testbed aircraft copy x8 my-wing")
 def copy(
     name: NameArg,
     folder: Annotated[
@@ -127,7 +127,7 @@ def copy(
     ],
     as_json: JsonOption = False,
 ) -> None:
-    """A copy of an airframe to make your own of: its model, gains and sources in a new folder."""
+    """Copy an airframe to start your own from: its model, gains and sources in a new folder."""
     from aircraft.airframe import copy as copied
 
     airframe_of(name)

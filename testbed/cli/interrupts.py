@@ -20,7 +20,7 @@ _AGAIN_S = 0.2
 
 
 class StoppedError(BaseException):
-    """A signal asks the program to end. Not an Exception: nobody may take it for a failure and go on."""
+    """A signal asks the program to end. Not an Exception: handlers of failures must not catch it."""
 
     def __init__(self, number: int) -> None:
         self.number = number
@@ -39,7 +39,7 @@ def ending(command: Callable[[], object]) -> None:
         say(f"error: {error}")
         _leave(2)
     except BrokenPipeError:
-        _leave(1)  # who read our output has gone, as `head` does
+        _leave(1)  # the reader of our output has ended, as `head` does
     except OSError as error:
         say(f"error: {UserError(str(error))}")
         _leave(2)

@@ -35,7 +35,7 @@ def ledger(
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """What the unicycle model promised of h and the motion made of it: by channel, and the worst moments."""
+    """Compare the hdot that the unicycle model predicts with the realised one, by channel."""
     from testbed.measures.hdot_ledger import channel_bounds, robust_settings, summary
 
     flown = _run(run)

@@ -51,7 +51,7 @@ def part(folder: Path, title: str) -> Part:
     )
 
 
-NONE = Note("Nothing happened that would be an event.")
+NONE = Note("No event occurred.")
 
 
 def _beginning(folder: Path, name: str) -> Block:

@@ -37,7 +37,7 @@ class NearMisses:
         self._h, self._t = h, t
 
     def close(self) -> None:
-        """The flight is over, and so are the descents."""
+        """End the flight, and with it all descents."""
         if self._h is not None:
             self._take(self._falling)
 

@@ -49,7 +49,7 @@ MARKS = (
 )
 
 
-# What a disk, not a program, has to say.
+# Errors of the disk, not of the program.
 WRITE_ERRORS = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.ESTALE,
 }  # fmt: skip
@@ -60,8 +60,8 @@ def staged(path: Path, overwrite: bool = False) -> Iterator[Path]:
     """A temporary folder beside `path` that becomes `path` when the block ends well, and vanishes otherwise.
 
     Raises UserError if `path` exists (unless `overwrite`, and then only what this program wrote is replaced),
-    nothing can be written there, the disk fills, or another process is writing the same folder. What a killed
-    process left of an unfinished folder is removed, and said.
+    nothing can be written there, the disk fills, or another process is writing the same folder. Remains of
+    an unfinished folder of a killed process are removed, with a message.
     """
     check_free(path, overwrite)
     made = [p for p in (path.parent, *path.parent.parents) if not p.exists()]

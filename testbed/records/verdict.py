@@ -1,4 +1,4 @@
-"""Defines a verdict: one claim of the paper, whether a run bore it out, by how much, when and for whom."""
+"""Defines a verdict: whether a run met one claim of the paper, by what margin, when, for which vehicles."""
 
 from __future__ import annotations
 

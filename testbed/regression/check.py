@@ -36,7 +36,7 @@ class Report:
         return any(f.verdict == DEGRADED for f in self.findings)
 
     def rows(self, every: bool = False) -> list[dict[str, Any]]:
-        """What is worth a look, or all that was compared."""
+        """The quantities that changed, or all that were compared."""
         chosen = [f for f in self.findings if every or f.verdict or f.quantity.name == SEPARATION.id]
         return [f.row() for f in chosen]
 

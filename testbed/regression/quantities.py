@@ -22,7 +22,7 @@ class Quantity:
     """One number of a run.
 
     worse       +1 where a larger one is worse, -1 where a smaller one is
-    resolution  the smallest change worth a word, in `unit`; 0 for verdicts
+    resolution  the smallest change that is reported, in `unit`; 0 for verdicts
     verdict     1 where the claim was lost and 0 where it held, not a measurement
     """
 

@@ -1,4 +1,4 @@
-"""Refuses airframes whose derived numbers are stale: a baseline of them would record what nobody flies."""
+"""Refuses airframes whose derived numbers are stale: a baseline of them would record another aircraft."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draws the ledger: what each channel took from hdot over time, and its quantiles."""
+"""Draws the ledger: by how much each channel reduced hdot over time, and its quantiles."""
 
 from __future__ import annotations
 

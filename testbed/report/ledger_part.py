@@ -52,7 +52,7 @@ def part(folder: Path, title: str) -> Part:
     return Part(
         title=title,
         what=about(
-            data.get("run", {}), "the ledger, what the unicycle promised of h and the motion made of it"
+            data.get("run", {}), "the ledger: hdot as the unicycle model predicts it, and as realised"
         ),
         status=OPEN,
         headline=f"At worst h falls {fall:.2f} m/s faster than promised"

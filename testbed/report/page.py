@@ -47,7 +47,7 @@ def attach(folder: Path, title: str, account: Account) -> None:
     """
     try:
         (folder / PAGE_FILE).write_text(page([account(folder, title)]), encoding="utf-8")
-    except Exception as error:  # hours of flying are not thrown away for a page
+    except Exception as error:  # a page that cannot be made must not cost the results
         print(f"no {PAGE_FILE}: {type(error).__name__}: {error}; try testbed report", file=sys.stderr)
 
 

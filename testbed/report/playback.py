@@ -29,7 +29,7 @@ CHANNELS: dict[str, tuple[str, float, float]] = {
     "override": ("override", 1.0, 1.0),
 }
 TIME_STEP_S, H_STEP = 1e-4, 1e-3
-# Verdicts whose worst instant is worth a jump.
+# Verdicts whose worst instant gets a button.
 MOMENTS = {
     SEPARATION.id: "least distance",
     SAFE_SET.id: "least h",
@@ -132,13 +132,13 @@ def _pairs(run: Run, times: int, kept: np.ndarray) -> dict[str, Any] | None:
 def gamma(scenario: Mapping[str, Any]) -> dict[str, Any]:
     """The manoeuvre whose closest approach is h: (v, omega, zeta) per vehicle, or per pair where they differ.
 
-    kind "none" where h is about the distance now.
+    kind "none" where h is a function of the present distance.
     """
     from testbed.components import catalogue
     from testbed.scenario.barrier import PairTurns
     from testbed.scenario.scenario import parse
 
-    # What a run was called is not at stake here, and may break today's rules for names.
+    # The name of an older run may break today's rules for names; it does not matter here.
     s = parse(dict(scenario) | {"name": "x"}, keep_idle=True)
     if s.barrier.kind == "euclidean":
         return {"kind": "none"}

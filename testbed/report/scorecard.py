@@ -108,7 +108,7 @@ def fact(label: str, run: Run, color: str) -> Fact:
 
 
 def left_safe_set(run: Run) -> bool:
-    """Whether h went below zero though Ds was kept: by luck or a remedy's room, not by invariance."""
+    """Whether h went below zero although Ds was kept: the safe set was not invariant in this run."""
     kept = run.guarantee(SEPARATION.id).status is Status.HOLDS
     return kept and run.guarantee(SAFE_SET.id).status is Status.VIOLATED
 

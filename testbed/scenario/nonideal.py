@@ -1,4 +1,4 @@
-"""The tables of what departs from the paper's world: [wind], [gusts], [sensing], [network], [lags]."""
+"""The tables of departures from the paper's assumptions: [wind], [gusts], [sensing], [network], [lags]."""
 
 from __future__ import annotations
 

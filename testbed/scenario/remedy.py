@@ -1,4 +1,4 @@
-"""The [remedy] table: what the filter does about vehicles that are no unicycles."""
+"""The [remedy] table: changes of the filter for vehicles that do not move like unicycles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Share = Annotated[float, Field(gt=0, le=1)]
 
 
 class Remedy(Section):
-    """What the filter does about vehicles that are no unicycles. Verdicts never see any of it.
+    """Changes of the filter for vehicles that do not move like unicycles. Verdicts do not depend on them.
 
     In this order: the filter's barrier is built with a larger Ds, a derated manoeuvre or smoothing; its rows
     get margins; it looks at predicted poses; all of that in the frame of the air.

@@ -107,7 +107,7 @@ def load(source: str | Path, overrides: Sequence[str] | None = None) -> Scenario
         raise error.located(line) from None
     for path, why in dropped.items():
         if path == FIELD and FIELD not in file:
-            continue  # found here, said by nobody
+            continue  # found here, not given by the user
         warnings.warn(NoteWarning(f"{where}: {path} is left out: {why}"), stacklevel=2)
     return made
 

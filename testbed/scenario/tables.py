@@ -73,7 +73,7 @@ class InputSet(Section):
 
 
 class Checks(Section):
-    """Checks that cost more than watching the run."""
+    """Checks that need flights of their own after the run."""
 
     manoeuvre_instants: Annotated[int, Field(ge=0, le=1000)] = Field(
         default=6,

@@ -48,7 +48,7 @@ def judge(
     aircraft = made.aircraft if made else ()
     alone = _solo_time(setting, made) if made else None
     flown = guarantees.Flown(s, statistics, setting.i, setting.j, setting.started_safe, end, straight, alone)
-    # What a plant of one's own can fly steadily is not known: that is no pass.
+    # What a user's plant can fly steadily is unknown: that is no pass.
     unknown = [f"unknown whether {own['plant'].name} can fly it"] if "plant" in own else []
     verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, aircraft))
     verdicts += guarantees.judge(flown)

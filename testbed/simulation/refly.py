@@ -1,7 +1,8 @@
 """Flies a finished run again from its manifest and compares both bit for bit.
 
-This is no second opinion: the same code flies. It shows whether the record is what that code makes of that
-scenario, and so covers what a record alone cannot: flown manoeuvres, a monitor's QPs, steps not recorded.
+This is no independent check, because the same code flies. It shows whether that code gives this record for
+that scenario, and so decides what the record alone cannot: flown manoeuvres, a monitor's QPs, steps that
+were not recorded.
 """
 
 from __future__ import annotations

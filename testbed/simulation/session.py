@@ -183,7 +183,7 @@ class Session:
             yield step
 
     def _arrive(self, commands: Command | None, filtered: bool) -> Step:
-        """See where the vehicles are; at the last instant decide once more, for the record."""
+        """Read the vehicles' states; at the last instant decide once more, for the record."""
         assert self._made is not None
         t = self._count * self.scenario.rates.filter_dt_s
         plant, environment = self._made.plant, self._made.environment
@@ -221,7 +221,7 @@ class Session:
             declared = self._statistics.declared
             if declared is not None and filtered:
                 declared.update(now.t, made.rows(now.view), decision.command.array())
-            # The step before, if recorded, needs to know what came of it.
+            # A recorded step is complete only with the state that followed it.
             recorded, before = step % self.scenario.rates.record_steps == 0, self._recorded
             telemetry = made.plant.telemetry() if recorded or before else {}
         except Exception as error:
@@ -258,7 +258,7 @@ def _unfiltered(wanted: Command) -> Decision:
 
 
 def _keep_freed_memory() -> None:
-    """Let what one step frees serve the next: otherwise every large array is mapped anew, page by page."""
+    """Keep memory that one step frees for the next; otherwise every large array is mapped again."""
     # glibc keeps blocks up to the size of the largest mapped one ever freed, 32 MiB at most. With 100
     # vehicles that halves the barrier's time; elsewhere it does nothing.
     np.empty(31 << 20, dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""Checks the wind columns against the scenario, and tells the wind that a vehicle was flown in."""
+"""Checks the wind columns against the scenario, and determines the wind in which each vehicle was flown."""
 
 from __future__ import annotations
 

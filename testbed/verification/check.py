@@ -104,6 +104,6 @@ def _without_pairs(run: Recorded) -> Iterator[Finding]:
         if claim.id in run.guarantees:
             judge = Judge(run, run.guarantees[claim.id])
             if run.i.size:
-                yield judge.done("unknown", None, True, "a manoeuvre that we do not fly")
+                yield judge.done("unknown", None, True, "verification does not cover this manoeuvre")
             else:
                 yield judge.nothing("nobody else")

@@ -196,7 +196,12 @@ def _pairs(run: Recorded, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
     yield compared("distance_m", table["distance_m"], distance, ROUNDING)
     if pairs is None:
         yield Finding(
-            "h_m", f"{table['h_m'].size} values", "unknown", None, None, "a manoeuvre that we do not fly"
+            "h_m",
+            f"{table['h_m'].size} values",
+            "unknown",
+            None,
+            None,
+            "verification does not cover this manoeuvre",
         )
         return
     now = pairs.now
@@ -219,7 +224,7 @@ def _filters(run: Recorded, rows: Rows) -> Finding:
         bare = bool(np.isnan(said).all()) or "filter" in run.parts
         return Finding("h_filter_m", "no h" if bare else f"{said.size} values", "no h", bare)
     if rows.own is None:
-        why = rows.seen if isinstance(rows.seen, str) else "a manoeuvre that we do not fly"
+        why = rows.seen if isinstance(rows.seen, str) else "verification does not cover this manoeuvre"
         return Finding("h_filter_m", f"{said.size} values", "unknown", None, None, why)
     return compared("h_filter_m", said, rows.own.h, rows.own.off + 1e-9)
 

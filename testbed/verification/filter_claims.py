@@ -120,7 +120,7 @@ def _satisfied(rows: Rows, judge: Judge) -> Finding:
     if not rows.solves or not run.i.size:
         return judge.nothing("no rows")
     if rows.own is None:
-        missing = rows.seen if isinstance(rows.seen, str) else "a manoeuvre that we do not fly"
+        missing = rows.seen if isinstance(rows.seen, str) else "verification does not cover this manoeuvre"
         empty = np.zeros((0, run.i.size))
         assert rows.pairs is not None or missing
         who = [[int(a) + 1, int(b) + 1] for a, b in zip(run.i, run.j, strict=True)]

@@ -2,8 +2,8 @@
 
 Two vehicles that turn at one rate come back after a period, and along it the safety function is a constant
 and one harmonic: its least value follows from a few instants of the rollout. Two that fly straight are
-closest where their range stops shrinking. How h answers an input follows by the chain rule through what the
-safety function does at those instants.
+closest where their range stops shrinking. The response of h to an input follows by the chain rule through
+the safety function at those instants.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Flown:
-    """What flying on from poses gives: h, and how it answers inputs.
+    """The result of flying on from poses: h, and its response to inputs.
 
     h         (..., P)        m, or m^2 in its squared form
     lie       (2, 3, ..., P)  change of h as vehicle i or j moves ahead, turns, climbs
@@ -188,11 +188,11 @@ def _change(apart: Array, a: Pose, b: Pose, flown: list[tuple[Array, Array]]) ->
 
 
 def future(s: dict[str, Any], i: Array, j: Array) -> Future | None:
-    """Of the pairs (i, j), from 0; None for a manoeuvre that we do not fly."""
+    """Of the pairs (i, j), from 0; None for a manoeuvre that is not covered here."""
     b, n = s["barrier"], s["vehicles"]
     kind, zero = b["kind"], np.zeros(n)
     delta = smoothing = 0.0
-    if kind == "turn" and b.get("pairs"):  # each has its own; the pairs are all there are, in order
+    if kind == "turn" and b.get("pairs"):  # each pair has its own; all pairs are given, in order
         speed_i = speed_j = np.array([p["v_mps"] for p in b["pairs"]])
         rate = np.radians([p["omega_degps"] for p in b["pairs"]])
         return Future(

@@ -27,7 +27,7 @@ def manoeuvre_keeps(pairs: Pairs | None, judge: Judge) -> Finding:
     if not run.i.size or s["barrier"].get("pairs") or s["barrier"]["kind"] == "euclidean":
         return judge.nothing("no one manoeuvre")
     if pairs is None:
-        return judge.done("unknown", None, True, "a manoeuvre that we do not fly")
+        return judge.done("unknown", None, True, "verification does not cover this manoeuvre")
     branches: list[dict[str, Any]] = e["detail"].get("branches", [])
     _placed(judge, [b["t_s"] for b in branches])
     unseen = [b for b in branches if not _promise(pairs, judge, b)]
@@ -171,7 +171,7 @@ def _verdict(judge: Judge, branches: list[dict[str, Any]]) -> None:
         return
     worst = min(safe, key=lambda b: b["least_m"])
     lost, low = any(b["fault"] for b in safe), d_safe - H_ALLOWED
-    if lost and worst["least_m"] >= low:  # nobody knows how near they would have come
+    if lost and worst["least_m"] >= low:  # it is unknown how near they would have come
         judge.nothing("none", Status.VIOLATED)
         return
     judge.expect("value", e["value"], worst["least_m"])

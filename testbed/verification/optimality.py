@@ -39,7 +39,7 @@ def minimal(rows: Rows) -> Finding:
         count = int(altered.sum())
         return _finding(said, [f"{count} commands are altered without a filter"] if count else [])
     if rows.own is None:
-        why = rows.seen if isinstance(rows.seen, str) else "a manoeuvre that we do not fly"
+        why = rows.seen if isinstance(rows.seen, str) else "verification does not cover this manoeuvre"
         return Finding("minimal", said, "unknown", None, None, why)
     central = s["filter"]["kind"] == "centralised"
     if not central and (s["network"]["latency_s"] or s["network"]["loss"]):

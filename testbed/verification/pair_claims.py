@@ -73,7 +73,7 @@ class Pairs:
             n = self.now
             late = Flown(n.h[1:], n.lie[:, :, 1:], n.off[1:], n.lie_off[:, :, 1:], None)
             return late, slice(0, len(run.t) - 1), True
-        # Nobody flew on from the last instant of a run.
+        # Nothing was flown after the last instant of a run.
         some = slice(0, len(run.t) - 1)
         if not unicycle(run):
             return None, some, False

@@ -29,7 +29,7 @@ def premises(run: Recorded, pairs: Pairs | None) -> Iterator[Finding]:
 def _start(judge: Judge, pairs: Pairs | None) -> Finding:
     if pairs is None:
         if judge.run.i.size:
-            return judge.done("unknown", None, True, "a manoeuvre that we do not fly")
+            return judge.done("unknown", None, True, "verification does not cover this manoeuvre")
         judge.expect("verdict", judge.entry["verdict"], judge.verdict(True))
         return judge.done("no pair")
     least = float(pairs.now.h[0].min())

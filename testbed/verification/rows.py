@@ -13,7 +13,7 @@ from testbed.verification.pair_claims import SOLVING, Pairs
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.settings import Scenario, alpha, box, filters_own, steepness
 
-# Poses predicted by lags are integrals, the filter's and ours: so far are they apart, with levers.
+# Largest difference of predicted poses, integrals computed differently here and by the filter, with levers.
 BLUR_M = 1e-6
 
 
@@ -21,7 +21,7 @@ BLUR_M = 1e-6
 class Rows:
     """What the filter's rows were, where that can be told.
 
-    seen   the poses that it looked at, or why nobody knows
+    seen   the poses that it used, or why they are unknown
     """
 
     run: Recorded

@@ -32,7 +32,7 @@ def solutions(rows: Rows) -> Iterator[Finding]:
 
 
 def _statuses(rows: Rows) -> Finding:
-    """Every QP ended somehow; who had no solution flew the evading manoeuvre."""
+    """Every QP has a known status; vehicles whose QP had no solution flew the evading manoeuvre."""
     run, s = rows.run, filters_own(rows.s)
     status = run.vehicles["qp_status"]
     known = ["solved", *FAILED] if rows.solves else ["none"]

@@ -71,7 +71,7 @@ def _forces(run: Recorded) -> Iterator[Finding]:
     apart = np.maximum(apart, np.maximum(np.roll(apart, 1, axis=0), np.roll(apart, -1, axis=0)))
     force = in_body(run, 0.5 * (before + after) + np.array([0.0, 0.0, G_MPS2])) / G_MPS2
     gusts = PER_GUST * all_gusts(run.scenario)
-    # Who departs from controlled flight may slip as much as they like.
+    # Sideslip is not bounded for a vehicle that has departed from controlled flight.
     side = np.inf if run.ended else SIDE + gusts
     yield compared("load_factor", run.vehicles["load_factor"], -force[..., 2], apart + LOAD + gusts)
     yield compared("roll_rad", np.zeros(apart.shape), force[..., 1], apart + side)

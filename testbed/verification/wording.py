@@ -50,7 +50,7 @@ def _words(claim: Claim, s: dict[str, Any]) -> dict[str, str]:
 
 
 def _unknown(run: Recorded) -> Finding:
-    """Nothing is recorded that this table does not know; nothing that every run has is missing."""
+    """Every recorded item is in the table of coverage, and no item that every run has is missing."""
     have = coverage.items(run)
     odd = [f"{name} is unknown" for name in have if coverage.entry(name, run) is None]
     odd += [f"{name} is missing" for name in coverage.required(run) if name not in have]
@@ -58,7 +58,7 @@ def _unknown(run: Recorded) -> Finding:
 
 
 def _columns(run: Recorded) -> Finding:
-    """An aircraft has its telemetry, air that moves its wind, and nobody else has either."""
+    """An aircraft has its telemetry, a run with wind its wind columns, and no other run has either."""
     s, wrong = run.scenario, []
     if "plant" not in run.parts:
         for name in AIRCRAFT:

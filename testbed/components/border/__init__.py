@@ -1,4 +1,4 @@
-"""The border around parts of a user's own: what they are given is a copy, what they return is checked.
+"""Calls parts of a user's own with copies of all arguments, and checks what they return.
 
 A part of the catalogue is not wrapped. Every other part is called through a wrapper, which gives it arrays of
 its own that cannot be written to, and checks shape, type and value of all that it returns. A part that breaks

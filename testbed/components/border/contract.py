@@ -69,7 +69,7 @@ def copy_of_limits(limits: Limits) -> Limits:
 
 
 class Contract:
-    """What is asked of one part, named in every breach."""
+    """The requirements on one part; every breach names the part."""
 
     def __init__(self, part: str, whose: str, vehicles: int) -> None:
         self.part, self.whose, self.vehicles = part, whose, vehicles

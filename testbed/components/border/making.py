@@ -1,4 +1,4 @@
-"""Makes the parts of one run; those of a user's own are made and called behind the border."""
+"""Makes the parts of one run, and wraps those of a user's own so that their calls are checked."""
 
 from __future__ import annotations
 

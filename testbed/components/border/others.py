@@ -1,4 +1,4 @@
-"""A user's filter, guidance and environment behind the border."""
+"""Wraps a user's filter, guidance and environment, and checks what they return."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A user's plant behind the border."""
+"""Wraps a user's plant, and checks what it returns."""
 
 from __future__ import annotations
 

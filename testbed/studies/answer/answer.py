@@ -107,7 +107,8 @@ def _row(key: tuple[str, int, str, str], runs: list[dict[str, Any]]) -> dict[str
         "median_distance_m": median(distances) if distances else float("nan"),
         "least_h_m": min((r["h_m"] for r in runs if r.get("h_m") is not None), default=float("nan")),
         "infeasible_steps": sum(r.get("infeasible") or 0 for r in runs),
-        # Runs in which every vehicle passed its goal: keeping clear by never arriving is no success.
+        # Runs in which every vehicle passed its goal: a vehicle that keeps its distance but never arrives is
+        # no success.
         "arrived": sum(r.get("goal_passed_s") is not None for r in runs),
         "ended_early": sum(bool(r.get("ended_early")) or bool(r["refused"]) for r in runs),
     }

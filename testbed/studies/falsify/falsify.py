@@ -1,8 +1,9 @@
 """Searches the least margin within bounds, and the smallest departure that violates.
 
-The search goes from the theorem's world outwards: the scenario as it stands; starts alone, in a Latin
-hypercube; starts with wind and delay; then Powell's method from the best of these, over the offsets of
-the two vehicles that came closest, wind and delay. It stops at the first violation, which is then shrunk.
+The search begins at the theorem's assumptions and departs from them: the scenario as it stands; starts
+alone, in a Latin hypercube; starts with wind and delay; then Powell's method from the best of these, over
+the offsets of the two vehicles that came closest, wind and delay. It stops at the first violation, which is
+then shrunk.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from testbed.studies.falsify.space import STARTS, Space
 
 START_KINDS = tuple(k.kind for k in STARTS)
 WEATHER_KINDS = ("wind_mps", "latency_s")
-# What is dropped first, being furthest from the theorem's world.
+# Dropped first, because they are furthest from the theorem's assumptions.
 DROPPED = ("latency_s", "wind_mps", "height_m", "lateral_m", "heading_deg")
-# What a refused start counts as in a descent [m]: worse than any flight.
+# The margin of a refused start in a descent [m]: worse than that of any flight.
 REFUSED = 1e6
 
 
@@ -114,7 +115,7 @@ def hypercube(space: Space, chosen: np.ndarray, count: int, rng: np.random.Gener
 
 
 class _EndError(Exception):
-    """Ends a descent of scipy's from within."""
+    """Ends a scipy descent from within its objective."""
 
 
 def descend(search: Flights, thorough: bool) -> None:

@@ -123,5 +123,5 @@ class Flights:
         return f"{flight.number} of at most {self.most}, {flight.stage}: {said}{violated}"
 
     def least(self) -> Flight:
-        """The flight of the least margin; among refused ones alone, the first."""
+        """The flight of the least margin; if all were refused, the first."""
         return min(self.flown, key=lambda f: (np.isnan(f.margin), f.margin))

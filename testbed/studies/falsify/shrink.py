@@ -21,14 +21,14 @@ Part = tuple[int, ...]
 # Factors at which a scale is tried, the smallest first; then the bracket is bisected so many times.
 FACTORS = (1 / 256, 1 / 16, 1 / 4, 1 / 2)
 BISECTIONS = 3
-# Below this share of what was found there is no use in going on: rounding decides.
+# Below this share of what was found rounding decides, so scaling stops.
 SMALLEST = 1e-6
 
 
 def shrink(x: Array, kinds: Sequence[Part], parts: Sequence[Part], first: First) -> Array:
     """The smallest departure found below `x` (n,), which violates.
 
-    kinds  coordinates of each kind of departure, the least welcome first: each is dropped if it can be
+    kinds  coordinates of each kind of departure, in the order in which dropping them is tried
     parts  coordinates of each thing that departs; dropped by delta debugging, then scaled down
     """
     for kind in kinds:

@@ -34,7 +34,7 @@ STARTS = (
     Start("heading_deg", "heading_offsets_deg", "heading_perturbation_deg", 5.0),
     Start("height_m", "height_offsets_m", "height_perturbation_m", 1.0),
 )
-# As wide as the scenario's fields.
+# The widest bounds, those of the scenario's fields.
 WIDEST = {"lateral_m": 1e4, "heading_deg": 180.0, "height_m": 1e4, "wind_mps": 100.0, "latency_s": 60.0}
 
 
@@ -192,13 +192,13 @@ class Space:
         return np.array([_tidy(v, digits) for v in x * units]) / units
 
     def _wind(self, own: Array) -> tuple[float, float]:
-        """East and north [m/s]: the square of the coordinates, drawn in to the disc of the bound."""
+        """East and north [m/s]: the square of the coordinates mapped into the disc of the bound."""
         east, north = (float(c) * self.bounds.wind_mps / max(1.0, float(np.hypot(*own))) for c in own)
         return east, north
 
 
 def _tidy(value: float, digits: int = 12) -> float:
-    """Without the last digits, which only a product of floats has."""
+    """Rounded, without the round-off of a product."""
     return float(f"{value:.{digits}g}")
 
 

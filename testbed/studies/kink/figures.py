@@ -1,4 +1,4 @@
-"""Draws the kink of the paper's barrier, the chatter across it, and every run of the study."""
+"""Draws the kink of the paper's barrier, the filter's chatter across it, and every run of the study."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 # Vehicles abreast, far enough apart for both barriers to hold at equal headings (the smoothed needs 7.4 m).
 ABREAST_M = 9.0
-# What counts as h losing against its promise [m]; shown from before that moment, in s and, closer, in steps.
+# How far h must fall below its predicted value [m]; the figure begins before that moment, by s and by steps.
 LOSS_M = 0.2
 DRAIN_S, CHATTER_STEPS = (0.2, 0.7), (15, 35)
 
 
 def kink(table: pd.DataFrame, seen: Look, d_safe: float, folder: Path) -> list[Path]:
-    """`kink-mechanism`: the kink, the chatter across it, h drained. `kink-seeds`: every run of the study."""
+    """`kink-mechanism`: the kink, the chatter across it, h falling. `kink-seeds`: every run."""
     with drawing() as plt:
         sheet, grid = plt.subplots(2, 2, figsize=(PAGE, 5.0), layout="constrained")
         for axes, draw in zip(grid.flat, (_shape, _chatter, _heading, _drain), strict=True):
@@ -65,7 +65,7 @@ def _shape(axes: Axes, seen: Look) -> None:
 
 
 def _window(seen: Look, before_s: float, after_s: float) -> np.ndarray:
-    """The steps around the moment h falls behind its promise; around the smallest h if it never does."""
+    """The steps around the moment when h falls below its predicted value; else around the smallest h."""
     lost = seen.lost_m() > LOSS_M
     begin = seen.t_s[np.argmax(lost) if lost.any() else np.argmin(seen.h_m)]
     return np.flatnonzero((seen.t_s >= begin - before_s) & (seen.t_s <= begin + after_s))
@@ -103,7 +103,7 @@ def _drain(axes: Axes, seen: Look) -> None:
     axes.plot(t, h + (lost - lost[0]), label="promised", **STYLES["smoothed"])
     axes.plot(t, h, label="h", **STYLES["paper"])
     limits(axes, 0.0)
-    # The promise soon runs far off; what matters is where the two part.
+    # The predicted h soon departs far from the flown one; only the beginning of the difference is shown.
     low, high = float(h.min()), float(h.max())
     axes.set(xlabel="time [s]", ylabel="h of the pair [m]", ylim=(low - 0.3, high + 2.0))
 

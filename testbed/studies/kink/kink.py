@@ -68,9 +68,9 @@ def perturbed(seeds: int, overrides: tuple[str, ...] = ()) -> list[Case]:
 
 
 def crowded(seeds: int, overrides: tuple[str, ...] = ()) -> list[Case]:
-    """Fifty vehicles, centralised: exactly on the circle, and off it by what no compass resolves.
+    """Fifty vehicles, centralised: exactly on the circle, and off it by less than a compass resolves.
 
-    Perfect symmetry is worth a second look: rounding alone then decides which way the vehicles chatter.
+    From the exact circle, rounding alone decides which way the vehicles chatter.
     """
     exact = [Case(b, 0.005, 1, 50, "centralised", 0.0, overrides) for b in BARRIERS]
     return exact + [
@@ -142,7 +142,7 @@ def summary(table: pd.DataFrame, d_safe: float) -> pd.DataFrame:
 
 
 def worst(table: pd.DataFrame, cases: list[Case], d_safe: float) -> Case:
-    """The case to look into: under the paper's barrier, the closest at the finest dt that loses Ds.
+    """The case to show step by step: under the paper's barrier, the closest at the finest dt that loses Ds.
 
     Where no run loses Ds, the closest of all.
     """
@@ -175,7 +175,7 @@ class Look:
     distance_m: np.ndarray
 
     def lost_m(self) -> np.ndarray:
-        """What h lost since the start against its promised rate of change: sum of hdot dt - change of h."""
+        """By how much h is below its predicted value since the start: sum of hdot dt - change of h."""
         promised = np.concatenate([[0.0], np.cumsum(self.promised_mps[:-1] * np.diff(self.t_s))])
         return np.asarray(promised - (self.h_m - self.h_m[0]))
 

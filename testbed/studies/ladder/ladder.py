@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Rung:
-    """One departure from the theorem's world.
+    """One departure from the theorem's assumptions.
 
     fields  dotted path -> value: what it changes, on top of the rungs below
     base    the rung on which it is tried alone; "" where it is the lowest or cannot be tried alone

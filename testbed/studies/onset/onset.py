@@ -32,7 +32,7 @@ VEHICLES = (2, 20)
 # Smallest change of an input that counts [m/s, rad/s]; QPs are solved to 1e-9.
 OVERRIDE = 1e-6
 CHANNELS = (("v", "mps"), ("omega", "radps"), ("zeta", "mps"))
-# Marks of an evasion seen from outside, whatever the filter: a turn, and leaving the straight line.
+# Signs of an evasion in the motion, for any filter: a turn, and leaving the straight line.
 TURN_DEGPS, LATERAL_M = 1.0, 1.0
 
 
@@ -99,7 +99,8 @@ def first_time(t: np.ndarray, happened: np.ndarray) -> np.ndarray:
 def _beyond_the_box(s: Scenario, v: pd.DataFrame) -> np.ndarray:
     """Largest change (times, vehicles) of a command from the nominal one clipped to its limits.
 
-    The near-identity controller is not clamped, it asks for 40 m/s at first: the limits' share is none.
+    The near-identity controller is not clamped and asks for 40 m/s at first; the limits' change does not
+    count.
     """
     from filters.model import Command
     from testbed.components import catalogue
@@ -115,8 +116,9 @@ def _beyond_the_box(s: Scenario, v: pd.DataFrame) -> np.ndarray:
 def _alone(case: Case, done: Run) -> np.ndarray:
     """Turn rates [rad/s] (times, vehicles) of the navigation function at the same states, seeing nobody.
 
-    Its commands differ from the near-identity controller's even for a vehicle alone, at 20 m/s for one: what
-    it does because of others is the difference from this.
+    Its commands differ from the near-identity controller's even for a vehicle alone, which flies 20 m/s for
+    example.
+    So its reaction to others is the difference from these turn rates.
     """
     from filters.model import Command, State, View
     from testbed.components import catalogue

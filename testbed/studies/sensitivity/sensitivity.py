@@ -1,8 +1,8 @@
-"""Flies an airframe with other inertia and other thrust, to see how far its assumptions matter.
+"""Flies an airframe with other inertia and other thrust, to measure the effect of its assumptions.
 
     python -m testbed.studies.sensitivity.sensitivity x8
 
-prints the table in the airframe's README. The autopilot is not told: its gains stay those of airframe.toml.
+prints the table in the airframe's README. The autopilot's gains stay those of airframe.toml.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _both(name: str, axes: str, share: float = 0.3) -> list[Change]:
     ]
 
 
-# Jx and Jz go together: one alone, changed by 30 %, is that of no body.
+# Jx and Jz go together: a body cannot have one of them alone changed by 30 %.
 CHANGES = (
     Change("as it is"),
     *_both("inertia", "xyz", 0.05),
@@ -81,7 +81,7 @@ def changed(airframe: Airframe, change: Change, folder: Path) -> Airframe:
     path = folder / f"{airframe.model}.xml"
     text = path.read_text()
     factors = dict(zip(("ixx", "iyy", "izz"), change.inertia, strict=True))
-    # A product of inertia is scaled where all moments are, by the same.
+    # A product of inertia is scaled only where all moments are, by the same factor.
     factors |= dict.fromkeys(_PRODUCTS, change.inertia[0] if len(set(change.inertia)) == 1 else 1.0)
     patterns = {rf"(<{tag}[^>]*>\s*)([-+.\deE]+)": factor for tag, factor in factors.items()}
     patterns[r"(<value>\s*)([-+.\deE]+)(?=\s*</value>\s*<!-- C_prop)"] = change.thrust
