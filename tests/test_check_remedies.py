@@ -141,6 +141,36 @@ def test_a_size_that_no_aircraft_has_is_one_finding_at_its_line(
     assert (found.file, found.line) == (X8, line) and message in found.message
 
 
+@pytest.mark.parametrize("wrong", ["simulation/nothing gt 1", "position/h-agl-ft ge sim-time-sec"])
+def test_a_property_missing_from_a_condition_is_found_at_its_switch(folder: Path, wrong: str) -> None:
+    line = plant(
+        folder, X8, '<flight_control name="elevons">', LIGHT.replace("position/h-agl-ft gt 3.0", wrong)
+    )
+    (found,) = check(folder)
+    assert (found.rule, found.file, found.line) == ("property", X8, line + 1)
+
+
+def test_a_surface_that_stands_under_two_names_is_found(folder: Path) -> None:
+    line = plant(folder, TOML, '"fcs/elevon-right-pos-rad"', '"fcs/elevon-left-pos-rad"')
+    (found,) = check(folder)
+    assert (found.file, found.line) == (TOML, line) and "surfaces.elevon_left_rad" in found.message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('<emptywt unit="KG"> 3.364', '<emptywt unit="KG"> -3', "its mass is -"),
+        ('<wingarea unit="M2"> 0.75', '<wingarea unit="M2"> 0', "its <wingarea> is 0"),
+    ],
+)
+def test_a_model_without_mass_or_wing_is_refused_when_it_is_loaded(
+    folder: Path, old: str, new: str, message: str
+) -> None:
+    plant(folder, X8, old, new)
+    with pytest.raises(FdmError, match=message):
+        Fdm(load(folder), 0.005, Origin())
+
+
 def test_a_key_is_found_in_its_own_table(folder: Path) -> None:
     """model_lag_s stands in three tables; the finding is at the one it is about."""
     text = (folder / TOML).read_text()

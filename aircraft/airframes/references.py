@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 
 from aircraft.airframes.files import Files, Finding
+from aircraft.airframes.xml import Element
 
 _REFERENCES = {"property", "p", "input", "independentVar"}
 _NUMBERS_OR_PROPERTIES = {"gain", "min", "max", "c1", "c2", "kp", "ki", "kd", "lag", "rate_limit"}
@@ -32,14 +33,33 @@ def unresolved(files: Files, exists: Callable[[str], bool]) -> Iterator[Finding]
     own = declared(files)
     for file, tree in files.trees.items():
         for e in tree.walk():
-            name = e.text.lstrip("-").strip()
-            listed = e.name in _REFERENCES or (e.name in _NUMBERS_OR_PROPERTIES and e.number() is None)
-            if not name or not listed or e.children or e.number() is not None or name in own:
-                continue
-            if not exists(name):
+            for name in _named(e):
+                if name in own or exists(name):
+                    continue
                 near = get_close_matches(name, sorted(own | _used(files) - {name}), 1, 0.8)
                 remedy = f"did you mean {near[0]}?" if near else "correct the name, or make the property"
                 yield Finding("property", "error", file, e.line, f"there is no property {name}", remedy)
+
+
+def _named(e: Element) -> Iterator[str]:
+    """The properties that an element names: in its text, in the conditions of a test, as its value."""
+    names: list[str] = []
+    if e.name in ("test", "condition"):
+        for words in (line.split() for line in e.text.splitlines()):
+            names += [words[0], words[2]] if len(words) == 3 else []
+    elif not e.children and (e.name in _REFERENCES or e.name in _NUMBERS_OR_PROPERTIES):
+        names.append(e.text)
+    if e.name in ("test", "default"):
+        names.append(e.attributes.get("value", ""))
+    yield from (name for word in names if (name := word.lstrip("-").strip()) and not _is_number(name))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _used(files: Files) -> set[str]:

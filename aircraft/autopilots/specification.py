@@ -197,7 +197,8 @@ def turbulence_rows(airframe: Airframe, v: float | None = None, seed: int = 1) -
         largest = max(largest, *asked, sum(abs(n.get_double_value()) for n in shared))
     course, rates = motions(moves, fdm.origin)
     rates = np.stack([rates[1:, 0], course_rate(course, _DT_S), rates[1:, 2]], axis=1)
-    rms = np.sqrt(np.mean((rates - [v, 0.0, 0.0]) ** 2, axis=0))
+    with np.errstate(over="ignore", invalid="ignore"):  # a flight that diverges: inf says so
+        rms = np.sqrt(np.mean((rates - [v, 0.0, 0.0]) ** 2, axis=0))
     case = f"moderate turbulence, {_TURBULENCE_S:g} s at {v:g} m/s"
     values = {"surface_share": (largest, 1.0), "v_rms_mps": (rms[0], math.inf)}
     values |= {"omega_rms_degps": (math.degrees(rms[1]), math.inf), "zeta_rms_mps": (rms[2], math.inf)}

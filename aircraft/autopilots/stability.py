@@ -118,12 +118,15 @@ def _frequency(swing: Array, dt: float) -> float:
 def instabilities(airframe: Airframe, speeds: Sequence[float] | None = None) -> list[Instability]:
     """Every unstable motion in level flight at the airframe's trim speeds, or at `speeds` [m/s].
 
+    A flight is asked only where the linear model has no unstable motion: an unstable motion moves every loop,
+    and the loop that moves most in flight need not be its cause.
     Raises  FdmError where it cannot fly level
     """
     found = []
     for v in airframe.speeds.trim_mps if speeds is None else speeds:
+        modes: list[Instability] = []
         with suppress(FdmError):  # an actuator that is no first-order lag: the flight still tells
-            found += unstable_modes(linear_model(airframe, v), v)
-        flown = flown_oscillation(airframe, v)
-        found += [flown] if flown is not None else []
+            modes = unstable_modes(linear_model(airframe, v), v)
+        flown = None if modes else flown_oscillation(airframe, v)
+        found += modes if flown is None else [flown]
     return found

@@ -95,9 +95,14 @@ def _mentions(files: Files, words: list[str]) -> tuple[str, int]:
 
 
 def _surfaces(files: Files, exists: Callable[[str], bool]) -> Iterator[Finding]:
-    """Surfaces of airframe.toml that the model does not have."""
+    """Surfaces of airframe.toml that the model does not have, or that stand under two names."""
     toml, surfaces = files.folder / "airframe.toml", files.airframe.surfaces
+    named: dict[str, str] = {}
     for name, path in surfaces.items():
+        if (first := named.setdefault(path, name)) != name:
+            message = f"surfaces.{name}: {path} is already the property of surfaces.{first}"
+            where = toml_line(toml, f"surfaces.{name}")
+            yield Finding("surface", "error", toml.name, where, message, "name each surface's own property")
         if not exists(path):
             others = sorted(p for p in declared(files) - set(surfaces.values()) if "pos" in p and exists(p))
             near = get_close_matches(path, others, 1, 0.5)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import threading
+from pathlib import Path
 
 import jsbsim
 
@@ -51,8 +52,8 @@ def load(airframe: Airframe, dt: float) -> Executive:
     """A JSBSim instance with this airframe's model, stepping every dt seconds.
 
     Engines and systems come from the airframe's folder only. JSBSim keeps the dt that it was loaded with.
-    Raises  FdmError when the model is missing or malformed; UnresolvedError when it refers to properties that
-            do not exist, which JSBSim would answer later by aborting the process
+    Raises  FdmError when the model is missing, malformed or without mass or wing; UnresolvedError when it
+            refers to properties that do not exist, which JSBSim would answer later by aborting the process
     """
     folder, model = airframe.folder, airframe.model
     log = _logger()
@@ -74,6 +75,7 @@ def load(airframe: Airframe, dt: float) -> Executive:
         keep_for_ever(executive)
         raise FdmError(f"{where} or a file that it names is missing: {' '.join(log.errors)}")
     try:
+        _sizes(executive, where)
         _resolve(airframe, executive)
     except FdmError:
         keep_for_ever(executive)
@@ -103,6 +105,21 @@ def _logger() -> _Quiet:
 def keep_for_ever(thing: object) -> None:
     """Never delete it: the destructor of an instance whose model did not load may abort the process, say."""
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+
+
+_SIZES = {
+    "inertia/mass-slugs": "mass",
+    "metrics/Sw-sqft": "<wingarea>",
+    "metrics/bw-ft": "<wingspan>",
+    "metrics/cbarw-ft": "<chord>",
+}
+
+
+def _sizes(executive: Executive, where: Path) -> None:
+    """FdmError for a mass or a size by which nothing can be divided: JSBSim loads it, and flies NaN."""
+    for path, name in _SIZES.items():
+        if not (size := executive.get_property_value(path)) > 0.0:
+            raise FdmError(f"{where}: its {name} is {size:g}: it must be above zero", where.name)
 
 
 def _resolve(airframe: Airframe, executive: Executive) -> None:
