@@ -18,6 +18,16 @@ Array = NDArray[np.float64]
 _FLOAT = np.dtype(np.float64)
 
 
+def _real(values: ArrayLike) -> Array:
+    """`values` as floats. Raises TypeError for complex numbers, text, times and masked entries."""
+    found = np.asarray(values)
+    if found.dtype.kind not in "fiubO":
+        raise TypeError(f"these must be real numbers, not of dtype {found.dtype}")
+    if np.ma.is_masked(values):
+        raise TypeError("these must be real numbers, and some are masked")
+    return np.asarray(found, dtype=float)
+
+
 class _Arrays:
     """Fields that are float arrays of one common shape, `(N,)` or, in a View, `(observers, N)`."""
 
@@ -35,7 +45,7 @@ class _Arrays:
                 break
         else:
             return self._check()
-        arrays = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in values))
+        arrays = np.broadcast_arrays(*(_real(v) for v in values))
         self.__dict__.update(zip(self._names, arrays, strict=True))
         self._check()
 
@@ -64,7 +74,8 @@ class _Arrays:
     @classmethod
     def of(cls, values: ArrayLike) -> Self:
         """The inverse of `array`: the last axis holds the fields in the order they are declared."""
-        values = np.asarray(values, dtype=float)
+        if type(values) is not np.ndarray or values.dtype is not _FLOAT:
+            values = _real(values)
         made = object.__new__(cls)  # slices of one array need no broadcasting
         for k, name in enumerate(cls._names):
             made.__dict__[name] = values[..., k]

@@ -385,6 +385,39 @@ def test_declared_rows_are_checked(rows: Any, said: str) -> None:
     assert said in ended(flown(filter=type("Own", (Declaring,), {"declares": declares})))
 
 
+class Cancelled(BaseException):
+    """As `asyncio.CancelledError`: no Exception."""
+
+
+@pytest.mark.parametrize(
+    "error", [Cancelled("no more"), GeneratorExit("no more"), BaseExceptionGroup("no more", [Cancelled()])]
+)
+def test_what_is_no_exception_ends_the_run_too(error: BaseException) -> None:
+    def leave(*_: Any) -> Any:
+        raise error
+
+    for parts in ({"plant": plant(step=leave)}, {"filter": lambda *_: leave}, {"nominal": leave}):
+        assert f"{type(error).__name__}: no more" in ended(flown(**parts))
+
+
+def test_an_interrupt_passes() -> None:
+    def stop(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        flown(filter=lambda *_: stop)
+
+
+@pytest.mark.parametrize(
+    "speeds", [np.array([20.0, 20.0 + 1j]), np.ma.array([20.0, 20.0], mask=[True, False]), ["20", "20"]]
+)
+def test_numbers_that_are_not_real_are_refused_where_they_are_written_down(speeds: Any) -> None:
+    law = lambda *_: lambda t, state: Command(speeds, np.zeros(2), np.zeros(2))  # noqa: E731
+    assert "these must be real numbers" in ended(flown(nominal=law))
+    with pytest.raises(TypeError, match="real numbers"):
+        Command.of(speeds)
+
+
 # What ended at its first step is still a run.
 
 

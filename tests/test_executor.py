@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -16,6 +17,7 @@ from testbed.campaigns.engine import fly_all
 from testbed.campaigns.executor import executor
 from testbed.campaigns.outcome import CrashError
 from testbed.campaigns.processes import Processes
+from testbed.errors import UserError
 
 
 def test_every_job_is_answered_once_and_by_its_number() -> None:
@@ -187,3 +189,14 @@ def test_a_script_without_a_guard_or_a_file_is_told_so(script: list[str], said: 
         [sys.executable, *script], cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False
     )
     assert said in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("workers", [0, -1, 2.5, "two"])
+def test_a_number_of_workers_that_is_none_is_refused(workers: Any) -> None:
+    with pytest.raises(UserError, match="a whole number of at least 1"):
+        executor(workers=workers)
+
+
+def test_jobs_may_come_from_an_iterator() -> None:
+    with executor(workers=1) as pool:
+        assert sorted(outcome.value() for outcome in pool.imap(abs, iter([-1, -2]))) == [1, 2]

@@ -6,12 +6,14 @@ import ast
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import testbed
+from testbed.components import catalogue
 from testbed.errors import UserError
 from testbed.scenario.scenario import builtin, load
 from testbed.simulation.simulate import run
@@ -219,6 +221,48 @@ def test_a_run_that_ended_early_agrees_and_when_it_ended_is_checked(tmp_path: Pa
     edit_manifest(forged, ended_early="vehicle 1: ground at 0.300 s; run stopped")
     seal(forged)
     assert "end" in differing(forged)
+
+
+class FailsLater:
+    """The scenario's filter, which raises at its call number `calls`, from 0."""
+
+    calls = 0
+
+    def __init__(self, s: Any, barrier: Any, goal: Any) -> None:
+        self.made, self.called = catalogue.filter_(s, barrier, goal), 0
+
+    def __call__(self, *given: Any) -> Any:
+        self.called += 1
+        if self.called > self.calls:
+            raise RuntimeError("no map loaded")
+        return self.made(*given)
+
+
+FAILS_AT = FailsLater.__call__.__code__.co_firstlineno + 3
+
+
+@pytest.mark.parametrize("calls", [1, 2, 7, 10])
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["record_dt_s=0.05"],
+        ["record_dt_s=0.1"],
+        ["record_dt_s=0.05", "fdm_dt_s=0.05"],
+        ["record_dt_s=0.05", "fdm_dt_s=0.05", 'plant="lagged"'],
+        ["record_dt_s=0.05", 'plant="lagged"'],
+    ],
+)
+def test_the_motion_before_a_decision_that_failed_is_judged(
+    calls: int, overrides: list[str], tmp_path: Path
+) -> None:
+    brief = ["duration_s=0.5", "filter_dt_s=0.05", "manoeuvre_instants=0", *overrides]
+    parts = testbed.Parts(filter=type("Fails", (FailsLater,), {"calls": calls}))
+    run = testbed.run(testbed.load_scenario("paper-2-turn", brief), tmp_path / "r", parts=parts)
+    assert f"no map loaded (test_verification.py:{FAILS_AT}), in step {calls} at" in str(
+        run.manifest["ended_early"]
+    )
+    differ = [f"{f.what}: {f.why}" for f in verify(tmp_path / "r") if f.agrees is False]
+    assert not differ
 
 
 @pytest.fixture(scope="module")

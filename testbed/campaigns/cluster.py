@@ -111,6 +111,7 @@ class Cluster:
         from distributed import KilledWorker, as_completed
 
         packed(work, None)
+        jobs = list(jobs)
         todo, again = iter(range(len(jobs))), deque[int]()
         running: dict[Any, int] = {}
         lost: dict[int, int] = {}

@@ -17,6 +17,7 @@ class InProcess:
 
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
         """One outcome for each job, in order."""
+        jobs = list(jobs)
         for index in range(len(jobs)):
             began = time.perf_counter()
             try:

@@ -19,6 +19,8 @@ class Processes:
     """`workers` processes (None: one per processor). Each has one job at a time, so a crash has one cause."""
 
     def __init__(self, workers: int | None = None) -> None:
+        if workers is not None and (not isinstance(workers, int) or workers < 1):
+            raise UserError(f"workers must be a whole number of at least 1, not {workers!r:.40}")
         self._count = workers or os.cpu_count() or 1
         self._children: list[Child] = []
 
@@ -33,6 +35,7 @@ class Processes:
 
     def imap(self, work: Callable[[J], Any], jobs: Sequence[J]) -> Iterator[Outcome]:
         packed(work, None)
+        jobs = list(jobs)  # an iterator will do as well
         while len(self._children) < min(self._count, len(jobs)):
             self._children.append(Child())
         todo: queue.SimpleQueue[int | None] = queue.SimpleQueue()

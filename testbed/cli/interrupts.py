@@ -19,7 +19,7 @@ _HAS_TIMER = hasattr(signal, "setitimer")
 _AGAIN_S = 0.2
 
 
-class StoppedError(BaseException):
+class StoppedError(KeyboardInterrupt):
     """A signal asks the program to end. Not an Exception: handlers of failures must not catch it."""
 
     def __init__(self, number: int) -> None:

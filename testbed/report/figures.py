@@ -103,8 +103,7 @@ def aircraft(runs: Mapping[str, Run], looks: Mapping[str, dict[str, Any]]) -> Fi
     for name, run in runs.items():
         rows, look = one(run, lead(run)), looks[name]
         series = [
-            np.degrees(rows.roll_rad),
-            np.degrees(rows.beta_rad),
+            *(np.degrees(rows.get(c, np.full(len(rows), np.nan))) for c in ("roll_rad", "beta_rad")),
             rows.v_mps - rows.v_command_mps,
             np.degrees(rows.omega_radps - rows.omega_command_radps),
             rows.zeta_mps - rows.zeta_command_mps,

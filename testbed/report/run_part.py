@@ -209,7 +209,7 @@ def _tracking(runs: Runs, folder: Path | None) -> list[Block]:
             downloads=download("CSV", "tracking.csv", pd.DataFrame(rows)),
         )
     ]
-    aircraft = {label: run for label, run in flown.items() if "roll_rad" in run.vehicles}
+    aircraft = {label: run for label, run in flown.items() if {"roll_rad", "beta_rad"} & set(run.vehicles)}
     errors = [f"{r['plant']}: {r['channel']} error at most {r['largest']:.3g}." for r in rows]
     if aircraft:
         blocks.append(

@@ -245,7 +245,7 @@ def fly_on(s: dict[str, Any], pose: Pose, i: Array, j: Array) -> Flown | None:
         return None
     rows = max(1, BLOCK // max(1, i.size))
     parts = []
-    for k in range(0, len(pose.theta), rows):
+    for k in range(0, max(1, len(pose.theta)), rows):  # no instants give empty arrays
         some = Pose(pose.position[k : k + rows], pose.theta[k : k + rows])
         parts.append(made.fly(some.of(i), some.of(j)))
     harmonics = [p.harmonic for p in parts if p.harmonic is not None]

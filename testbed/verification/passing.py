@@ -85,9 +85,9 @@ def _on_arcs(run: Recorded, chords: Array, d_safe: float) -> Passing:
     """Of unicycles recorded at every filter step."""
     rates, i, j = run.scenario["rates"], run.i, run.j
     period, dt = rates["filter_dt_s"], rates["fdm_dt_s"]
-    steps = len(run.t) - 1
+    steps = len(run.t) - (0 if run.flew_on else 1)
     by_period = chords.reshape(steps, -1, i.size).min(axis=1)
-    turning = np.abs(run.command[:-1, :, 0] * run.command[:-1, :, 1]) * dt**2 / 8.0
+    turning = np.abs(run.command[:steps, :, 0] * run.command[:steps, :, 1]) * dt**2 / 8.0
     low = by_period - turning[:, i] - turning[:, j]
     # Nearest bound first; a period whose bound is no nearer than what was reached needs no look.
     least, where = np.inf, (0, 0)

@@ -39,12 +39,16 @@ class PathBounds:
     def of(cls, run: Recorded) -> PathBounds:
         rates = run.scenario["rates"]
         steps = round(rates["filter_dt_s"] / rates["fdm_dt_s"])
-        if run.every_step or not (run.complete and unicycle(run)):
-            return cls(run, run.t, run.position, run.every_step, 1)
-        here = Pose(run.position[:-1], run.vehicles["theta_rad"][:-1])
-        between = [arc(here, run.command[:-1], k * rates["fdm_dt_s"]).position for k in range(steps)]
+        exact = run.complete and unicycle(run)
+        if not exact or (run.every_step and not run.flew_on):
+            return cls(run, run.t, run.position, run.every_step and not run.flew_on, 1)
+        # A run that ended before a decision was taken flew the period before, whose end has no row.
+        flown = len(run.t) - (0 if run.flew_on else 1)
+        here = Pose(run.position[:flown], run.vehicles["theta_rad"][:flown])
+        between = [arc(here, run.command[:flown], k * rates["fdm_dt_s"]).position for k in range(steps + 1)]
         n = run.scenario["vehicles"]
-        track = np.concatenate([np.stack(between, axis=1).reshape(-1, n, 3), run.position[-1:]])
+        last = between.pop()[-1:] if run.flew_on else run.position[-1:]
+        track = np.concatenate([np.stack(between[:steps], axis=1).reshape(-1, n, 3), last])
         return cls(run, rates["fdm_dt_s"] * np.arange(len(track)), track, True, steps)
 
     @cached_property

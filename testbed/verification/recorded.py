@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -55,6 +56,19 @@ class Recorded:
     def every_step(self) -> bool:
         """Whether every step of the flight dynamics was recorded."""
         return self._ratio("fdm_dt_s") == 1
+
+    @cached_property
+    def flew_on(self) -> bool:
+        """Whether the vehicles flew on after the last decision, and no row is at its end.
+
+        So ends a run whose next decision failed: the fault names a step after the last one that was decided.
+        """
+        told = re.search(r"(?:in step (\d+) )?at ([\d.]+) s; run stopped$", self.ended or "")
+        if told is None or not len(self.t):
+            return False
+        due = round(float(told[2]) / self.scenario["rates"]["filter_dt_s"])
+        deciding = self.ended is not None and self.ended.startswith(("deciding failed:", "judged before"))
+        return due > 0 and (deciding or (told[1] is not None and int(told[1]) == due))
 
     def _ratio(self, name: str) -> int:
         rates = self.scenario["rates"]

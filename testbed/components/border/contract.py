@@ -82,7 +82,9 @@ class Contract:
         """Call the part. Raises Breach for whatever it raises, but an interrupt."""
         try:
             return function(*arguments, **named)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:  # from the keyboard, or a signal that asks the program to end
+            raise
+        except BaseException as error:
             raise self.breach(f"{what} raised {describe(error)}") from error
 
     def method(self, thing: Any, name: str) -> Callable[..., Any]:

@@ -89,7 +89,7 @@ class OwnPlant:
             return
         number = isinstance(dt, float | np.floating) or (type(dt) is int and abs(dt) < LARGEST)
         if not number or not math.isclose(float(dt), self.dt, rel_tol=1e-9):
-            said = f"{float(dt):g} s" if number else f"a {type(dt).__name__}"
+            said = f"{float(dt):.9g} s" if number else f"a {type(dt).__name__}"
             raise self._contract.breach(f"its dt is {said}, the scenario's rates.fdm_dt_s is {self.dt:g} s")
 
     def state(self) -> State:
