@@ -13,6 +13,7 @@ import pytest
 
 from aircraft.airframe import copy, load
 from aircraft.airframes.files import Finding
+from aircraft.autopilots.freshness import stale_feedforward, stale_lags
 from aircraft.check.check import check
 from aircraft.check.spelling import ENGINE, MODEL
 from aircraft.jsbsim.errors import FdmError
@@ -169,6 +170,22 @@ def test_a_model_without_mass_or_wing_is_refused_when_it_is_loaded(
     plant(folder, X8, old, new)
     with pytest.raises(FdmError, match=message):
         Fdm(load(folder), 0.005, Origin())
+
+
+@pytest.mark.parametrize("path", ["fcs/elevon left", "", "fcs//left", "fcs/left[x]"])
+def test_a_surface_at_which_jsbsim_would_abort_is_refused(folder: Path, path: str) -> None:
+    plant(folder, TOML, '"fcs/elevon-left-pos-rad"', f'"{path}"')
+    with pytest.raises(ValueError, match=r"surfaces\.elevon_left_rad: .* cannot name a property"):
+        load(folder)
+
+
+def test_numbers_without_a_fingerprint_are_stale_and_name_what_remakes_them(folder: Path) -> None:
+    text = (folder / TOML).read_text()
+    (folder / TOML).write_text(re.sub(r"^(fingerprint|command) = .*\n", "", text, flags=re.M))
+    mine = load(folder)
+    for stale, remedy in ((stale_feedforward(mine), "trim"), (stale_lags(mine), "identify")):
+        assert stale is not None and "does not say from which model and gains" in stale
+        assert f"testbed aircraft {remedy} " in stale
 
 
 def test_a_key_is_found_in_its_own_table(folder: Path) -> None:

@@ -76,14 +76,14 @@ class Channel(_Strict):
 class Fitted(_Strict):
     """Where the fitted feed-forward of [gains.airframe] comes from; see `aircraft.airframes.provenance`."""
 
-    command: str = Field(description="remakes the numbers")
-    fingerprint: str = Field(description="of what they were made from")
+    command: str = Field("", description="remakes the numbers")
+    fingerprint: str | None = Field(None, description="of what they were made from")
 
 
 class Identified(_Strict):
     """Channels identified on step responses, and where they come from."""
 
-    command: str = Field(description="remakes the channels")
+    command: str = Field("", description="remakes the channels")
     fingerprint: str | None = Field(None, description="of the gains and model they were made from")
     flown: list[Finite] = Field([], description="what the model flew then: see aircraft.autopilots.freshness")
     v: Channel
@@ -133,7 +133,12 @@ class Airframe(_Strict):
     def radians(self) -> Airframe:
         """Angles and their rates in the range of radians; telemetry under names of its own."""
         check_gains(self.gains)
-        for name in self.surfaces:
+        for name, path in self.surfaces.items():
+            # JSBSim aborts the process where it is asked for a name that it cannot parse.
+            if not re.fullmatch(
+                r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*", path, re.ASCII
+            ):
+                raise ValueError(f"surfaces.{name}: {path!r} cannot name a property of JSBSim")
             if name in RECORDED_ANGLES or not re.fullmatch(r"[a-z][a-z0-9_]*_rad", name):
                 raise ValueError(
                     f"surfaces.{name}: call a surface something_rad, not what is recorded already"

@@ -56,6 +56,8 @@ def stale_feedforward(airframe: Airframe) -> str | None:
     if airframe.fitted is None:
         return None
     remedy = f"run: testbed aircraft trim {airframe.argument}"
+    if airframe.fitted.fingerprint is None:
+        return f"[fitted] does not say from which model and gains it was made; {remedy}"
     other = differs(airframe.fitted.fingerprint, fitted_fingerprint(airframe))
     if other == "gains":
         return f"the feed-forward of [fitted] was edited, or made from other gains or speeds; {remedy}"
