@@ -29,7 +29,7 @@ class RunStatistics:
     between     m, closest approach of the paths, straight between FDM steps
     h           the unmodified barrier at the true state, at every filter step
     admissible  the most that hdot + alpha(h) can be made by inputs in U, where h >= 0
-    condition   hdot + alpha(h) along the motion that followed, over each filter period
+    condition   hdot + alpha(h) along the motion that followed, over each filter period (G3)
     rows        L_g h u + alpha(h) of the filter's own rows under its commands, where its QPs were solved
     true_rows   L_g h u + alpha(h) of the scenario's barrier at the true states, of a foreign filter
     gradient    |L_g h| at the boundary of the safe set
