@@ -188,6 +188,12 @@ def test_numbers_without_a_fingerprint_are_stale_and_name_what_remakes_them(fold
         assert f"testbed aircraft {remedy} " in stale
 
 
+def test_a_tilde_is_the_home_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scenario file is read by no shell, which would have replaced it."""
+    monkeypatch.setenv("HOME", str(folder.parent))
+    assert load("~/mine").folder == folder.resolve()
+
+
 def test_a_key_is_found_in_its_own_table(folder: Path) -> None:
     """model_lag_s stands in three tables; the finding is at the one it is about."""
     text = (folder / TOML).read_text()

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import math
+import os
 import re
 from pathlib import Path
 from typing import Annotated, Any
@@ -192,10 +193,10 @@ def names() -> list[str]:
 
 
 def folder_of(name_or_folder: str | Path) -> Path:
-    """Where an airframe is: by name in the package, else the path itself, which need not exist."""
+    """Where an airframe is: by name in the package, else the path, which need not exist; `~` is home."""
     if isinstance(name_or_folder, str) and name_or_folder in names():
         return AIRFRAMES / name_or_folder
-    return Path(name_or_folder)
+    return Path(os.path.expanduser(name_or_folder))
 
 
 def identified(table: Any) -> Identified:
