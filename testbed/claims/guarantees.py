@@ -94,6 +94,7 @@ def _invariance(f: Flown, v: Verdict) -> Verdict:
 
 
 def _condition(f: Flown, v: Verdict) -> Verdict:
+    """G3, from the statistics' least hdot + alpha(h) along the motion."""
     if not f.i.size:
         return v.but(why="no pair, no barrier")
     v = at_pair(v, f.statistics.condition, f.i, f.j, -CONDITION_TOLERANCE_MPS)
