@@ -50,7 +50,8 @@ def events(run: Run) -> list[Event]:
         text = f"no solution of the QP: {row.qp_status}; flies the evading manoeuvre"
         found.append(Event(row.t_s, "no-solution", (row.vehicle,), text))
     if end := run.manifest["ended_early"]:
-        found.append(Event(float(vehicles.t_s.iloc[-1]), "ended-early", (), end))
+        last = float(vehicles.t_s.iloc[-1]) if len(vehicles) else 0.0
+        found.append(Event(last, "ended-early", (), end))
     return sorted(found, key=lambda e: (e.t_s, e.kind, e.vehicles))
 
 
