@@ -87,5 +87,7 @@ def test_jsbsims_own_turbulence_follows_the_seed_and_differs_between_aircraft() 
 
 
 def test_jsbsims_own_turbulence_is_refused_elsewhere() -> None:
-    with pytest.raises(UserError, match=r"gusts\.jsbsim_turbulence: plant 'unicycle' has none; gusts\.inten"):
+    with pytest.raises(
+        UserError, match=r"jsbsim_turbulence: has no effect: plant 'unicycle' has none; gusts\.inten"
+    ):
         load("paper-2-turn", ["jsbsim_turbulence=light"])

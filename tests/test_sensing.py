@@ -208,7 +208,7 @@ def test_every_setting_reaches_its_quantity_in_si() -> None:
 
 def test_without_disturbance_the_truth_itself_is_what_is_known() -> None:
     truth = moving(0.0)
-    for calm in (Surroundings(), build(load("paper-2-turn", ["stale=extrapolate"]), generators(1))):
+    for calm in (Surroundings(), build(load("paper-2-turn"), generators(1))):
         view = calm.observe(0.0, truth.state, truth.rates)
         assert view.state is truth.state and view.rates is truth.rates
         assert calm.wind(0.0, truth.state) is None
