@@ -135,3 +135,10 @@ def _one_line(usual: Hook) -> Hook:
             usual(kind, error, trace)
 
     return say
+
+
+class StoppedError(BaseException):
+    """A signal asks the program to end. Not an Exception: handlers of failures must not catch it."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number

@@ -41,7 +41,8 @@ def statistics(numbers: list[float]) -> RunStatistics:
     """Of two vehicles, each extreme one of `numbers`."""
     made, take = RunStatistics(2), iter(numbers)
     for name in ("h", "condition", "admissible", "rows", "gradient", "kink", "separation"):
-        getattr(made, name).update(1.0, np.array([next(take)]))
+        number = next(take)  # a distance is never negative
+        getattr(made, name).update(1.0, np.array([abs(number) if name == "separation" else number]))
     made.between.update(1.0, np.minimum(made.separation.value, 30.0))
     made.command_margin.update(1.0, np.array([next(take), next(take)]))
     made.goal.update(1.0, np.abs(np.nan_to_num([next(take), next(take)], nan=1.0, posinf=9.0, neginf=9.0)))

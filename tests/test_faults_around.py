@@ -80,7 +80,8 @@ def test_a_signal_ends_it_in_one_line_and_nothing_is_left(
 # A command in which the signal comes where every exception is swallowed, or while it cleans up at length.
 STOPPED = """
 import os, signal, sys, time
-from testbed.cli.interrupts import StoppedError, ending
+from testbed.cli.interrupts import ending
+from testbed.errors import StoppedError
 
 def swallowed():
     try:

@@ -127,7 +127,7 @@ def _fly(plan: Plan, out: Path, workers: int | None, cluster: str | None, as_jso
     from testbed.campaigns.progress import progress
     from testbed.campaigns.runner import fly_all, hint
     from testbed.campaigns.view import View
-    from testbed.cli.interrupts import StoppedError
+    from testbed.errors import StoppedError
 
     try:
         with executor(workers, cluster) as pool:

@@ -11,19 +11,12 @@ from types import FrameType
 from typing import Any
 
 from testbed.cli.terminal import prepare, say
-from testbed.errors import UserError
+from testbed.errors import StoppedError, UserError
 
 # Ctrl-C, a polite kill, a closed terminal (which Windows lacks): all clean up the same way.
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 _HAS_TIMER = hasattr(signal, "setitimer")
 _AGAIN_S = 0.2
-
-
-class StoppedError(KeyboardInterrupt):
-    """A signal asks the program to end. Not an Exception: handlers of failures must not catch it."""
-
-    def __init__(self, number: int) -> None:
-        self.number = number
 
 
 def ending(command: Callable[[], object]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from filters.model import Array, Command, Limits, State, View
+from testbed.errors import StoppedError
 
 # Numbers of a part beyond this mean nothing in SI units, and their squares and cubes soon overflow.
 LARGEST = 1e9
@@ -82,7 +83,10 @@ class Contract:
         """Call the part. Raises Breach for whatever it raises, but an interrupt."""
         try:
             return function(*arguments, **named)
-        except KeyboardInterrupt:  # from the keyboard, or a signal that asks the program to end
+        except (
+            KeyboardInterrupt,
+            StoppedError,
+        ):  # from the keyboard, or a signal that asks the program to end
             raise
         except BaseException as error:
             raise self.breach(f"{what} raised {describe(error)}") from error
