@@ -1,0 +1,203 @@
+"""Defines the shapes of fences, and the clearance along a turn or a straight flight from each of them.
+
+Planar vectors are complex numbers, east + 1j north. A vehicle that turns for ever flies a whole circle; h is
+the smallest clearance on it, which depends on the circle's centre and radius alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from filters.barriers.fences.polygon import Complex, Polygon
+from filters.model import Array
+
+# Nearer to a point than this, the distance from it has no direction [m].
+AT_POINT_M = 1e-9
+
+
+class Pieces(NamedTuple):
+    """h as the least of M smooth functions.
+
+    h         (..., M) m, the functions; their least is h
+    planar    (..., M) complex: gradient over the circle's centre, or over the nearest point flown through
+    vertical  (..., M) or a number: gradient over the height
+    """
+
+    h: Array
+    planar: Complex
+    vertical: Array | float = 0.0
+
+
+class Shape(Protocol):
+    """What a fence lets vehicles stay in."""
+
+    @property
+    def count(self) -> int:
+        """M, the number of functions whose least is h."""
+        ...
+
+    def clearance(self, point: Complex, height: Array) -> Array:
+        """Signed distance (...) m of positions to the fence less its margin; < 0 is where none may be."""
+        ...
+
+    def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
+        """The smallest clearance on circles (...) of radius > 0, flown at `height`."""
+        ...
+
+    def of_ray(self, point: Complex, ahead: Complex, height: Array) -> tuple[Pieces, Array]:
+        """The smallest clearance on half-lines (...) from `point` along `ahead`, and m (..., M) to it.
+
+        Raises  ValueError where no such flight keeps clear, or none is computed.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Area:
+    """The inside of a polygon, which vehicles stay in, or its outside.
+
+    margin  m, distance to keep from the boundary
+    inside  whether to stay inside
+
+    Inside, h is the least over the edges of |centre - edge| - radius. Outside it is the same, or, where the
+    circle surrounds the polygon, the least over its corners of radius - |centre - corner|. Both are the exact
+    clearance where h >= 0. Where h < 0, h is continued: the sign stays right, and |h| is how far the circle
+    has to move (outside: has to move, or to grow).
+    """
+
+    polygon: Polygon
+    inside: bool
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_margin(self.margin)
+
+    @property
+    def count(self) -> int:
+        return len(self.polygon.points)
+
+    def clearance(self, point: Complex, height: Array) -> Array:
+        """As `Shape.clearance`."""
+        distance = self.polygon.edges(point)[0].min(axis=-1)
+        allowed = self.polygon.contains(point) == self.inside
+        return np.asarray(np.where(allowed, distance, -distance) - self.margin)
+
+    def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
+        """As `Shape.of_circle`."""
+        distance, normal = self.polygon.signed(centre, self.inside)
+        radius = radius[..., None]
+        h = distance - radius
+        if not self.inside:
+            from_corner = centre[..., None] - self.polygon.points
+            far = np.abs(from_corner)
+            around = radius - far
+            surrounds = around.min(axis=-1) > h.min(axis=-1)
+            if surrounds.any():
+                at, within = surrounds[..., None], np.maximum(far, AT_POINT_M)
+                h, normal = np.where(at, around, h), np.where(at, -from_corner / within, normal)
+        return Pieces(h - self.margin, normal)
+
+    def of_ray(self, point: Complex, ahead: Complex, height: Array) -> tuple[Pieces, Array]:
+        """As `Shape.of_ray`."""
+        if self.inside:
+            raise ValueError("a vehicle that flies straight on for ever leaves every area it shall stay in")
+        raise ValueError("straight flight past a polygon is not computed; give a circle around it")
+
+
+@dataclass(frozen=True, eq=False)
+class Disc:
+    """The outside of a disc.
+
+    centre  complex, m;  radius  m, > 0;  margin  m, distance to keep from it
+    Raises  ValueError naming the number that is out of range.
+    Along a circle h = | |c - o| - r | - R: also where the circle surrounds the disc.
+    """
+
+    centre: complex
+    radius: float
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_margin(self.margin)
+        if not (np.isfinite(self.radius) and self.radius > 0):
+            raise ValueError(f"a disc's radius must be positive and finite, got {self.radius} m")
+
+    count = 1
+
+    def clearance(self, point: Complex, height: Array) -> Array:
+        """As `Shape.clearance`."""
+        return np.abs(point - self.centre) - (self.radius + self.margin)
+
+    def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
+        """As `Shape.of_circle`."""
+        offset = centre - self.centre
+        apart = np.abs(offset)
+        gap = apart - radius
+        direction = np.where(gap < 0, -1.0, 1.0) * offset / np.maximum(apart, AT_POINT_M)
+        return Pieces((np.abs(gap) - (self.radius + self.margin))[..., None], direction[..., None])
+
+    def of_ray(self, point: Complex, ahead: Complex, height: Array) -> tuple[Pieces, Array]:
+        """As `Shape.of_ray`."""
+        offset = point - self.centre
+        flown = np.maximum(-(offset * ahead.conj()).real, 0.0)
+        nearest = offset + flown * ahead
+        apart = np.abs(nearest)
+        direction = nearest / np.maximum(apart, AT_POINT_M)
+        return Pieces((apart - (self.radius + self.margin))[..., None], direction[..., None]), flown[
+            ..., None
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """A band of heights; one of its ends may be infinite.
+
+    floor, ceiling  m;  margin  m, distance to keep from both
+    Raises  ValueError if the band less its margins is empty.
+    """
+
+    floor: float
+    ceiling: float
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_margin(self.margin)
+        if not self.floor + 2 * self.margin < self.ceiling:
+            raise ValueError(
+                f"floor {self.floor:g} m and ceiling {self.ceiling:g} m, a margin of {self.margin:g} m from"
+                " each, leave no height"
+            )
+
+    @property
+    def count(self) -> int:
+        return len(self._ends)
+
+    @property
+    def _ends(self) -> list[tuple[float, float]]:
+        """Sign and height of each end that is finite."""
+        ends = ((1.0, self.floor), (-1.0, self.ceiling))
+        return [(sign, end) for sign, end in ends if np.isfinite(end)]
+
+    def clearance(self, point: Complex, height: Array) -> Array:
+        """As `Shape.clearance`."""
+        return np.minimum(height - self.floor, self.ceiling - height) - self.margin
+
+    def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
+        """As `Shape.of_circle`."""
+        h = np.stack([sign * (height - end) - self.margin for sign, end in self._ends], axis=-1)
+        vertical = np.broadcast_to([sign for sign, _ in self._ends], h.shape)
+        return Pieces(h, np.zeros(h.shape, dtype=complex), vertical)
+
+    def of_ray(self, point: Complex, ahead: Complex, height: Array) -> tuple[Pieces, Array]:
+        """As `Shape.of_ray`."""
+        pieces = self.of_circle(point, np.zeros(height.shape), height)
+        return pieces, np.zeros(pieces.h.shape)
+
+
+def check_margin(margin: float) -> None:
+    """Raises ValueError unless a margin is finite and not negative."""
+    if not (np.isfinite(margin) and margin >= 0):
+        raise ValueError(f"a fence's margin must be finite and not negative, got {margin} m")
