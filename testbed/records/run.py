@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -126,6 +126,12 @@ class RowWriter:
             self.flush(table)
 
 
+def called(origin: Mapping[str, Any]) -> str:
+    """What tables and titles call the part of an origin in a manifest: its name with its arguments."""
+    given = ", ".join(f"{name}={value}" for name, value in origin.get("arguments", {}).items())
+    return f"{origin['name']}({given})" if given else str(origin["name"])
+
+
 @dataclass
 class Run:
     """One finished run: settings, verdicts, tables.
@@ -177,7 +183,7 @@ class Run:
     def part(self, what: str) -> str | None:
         """Name of the user's own part flown as `what` (plant, filter, nominal, disturbance); None if none."""
         origin = self.manifest.get("parts", {}).get(what)
-        return None if origin is None else str(origin["name"])
+        return None if origin is None else called(origin)
 
     def guarantee(self, name: str) -> Verdict:
         """The verdict on the claim with that id; KeyError if there is none."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from testbed.records.run import Run
+from testbed.records.run import Run, called
 
 # Hexadecimal digits of a checksum that are shown.
 DIGITS = 12
@@ -30,4 +30,6 @@ def sentence(manifest: Mapping[str, Any]) -> str:
 def _said(origin: Mapping[str, Any]) -> str:
     file = origin.get("file") or "no file"
     sha = f"SHA-256 {origin['sha256'][:DIGITS]}" if origin.get("sha256") else "no checksum"
-    return f"{origin['name']} ({file}, {sha})"
+    more = [f"{name} {sum_[:DIGITS]}" for name, sum_ in origin.get("imports", {}).items()]
+    more += [origin["package"]] if origin.get("package") else []
+    return f"{called(origin)} ({', '.join([file, sha, *more])})"
