@@ -65,12 +65,8 @@ class Installed:
         try:
             return point.load()
         except Exception as error:
-            said = " ".join(str(error).split())
-            raise UserError(
-                printable(
-                    f"{self.role} {self.entry}: importing {self.value} raised {type(error).__name__}: {said}"
-                )
-            ) from None
+            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            raise UserError(f"{self.role} {self.entry}: importing {self.value} raised {said}") from None
 
 
 def names(role: str) -> list[str]:
