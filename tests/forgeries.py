@@ -201,7 +201,7 @@ FIELDS: dict[str, dict[str, Any]] = {
         "limits.v_max_mps": 16.0,
         "limits.omega_max_degps": 12.0, "limits.zeta_max_mps": 3.0, "start.radius_m": 61.0,
         "start.speed_mps": 19.0,
-        "start.course_offset_deg": 1.0, "nominal.lookahead_m": 9.0, "nominal.gain_per_s": 0.2,
+        "start.course_offset_deg": 1.0, "guidance.lookahead_m": 9.0, "guidance.gain_per_s": 0.2,
         "barrier.v_mps": 17.0, "barrier.omega_degps": 11.0, "barrier.sigma": 1.1, "barrier.delta_m2": 0.5,
         "barrier.form": "squared", "alpha.coefficient": 0.2, "filter.kind": "limited", "filter.monitor": True,
     },

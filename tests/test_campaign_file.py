@@ -40,8 +40,8 @@ def test_cells_are_the_product_of_the_axes_and_all_fly_the_same_seeds() -> None:
     assert len(made.cells) == 16 and len(made.runs) == 48
     assert [r.seed for r in made.of(5)] == [7, 8, 9]
     last = made.data(made.runs[-1])
-    assert made.cells[-1].label == "plant jsbsim, variant windy, nominal.lookahead_m 10, remedy buffer 1 m"
-    assert (last["plant"], last["nominal"]["lookahead_m"], last["seed"]) == ("jsbsim", 10.0, 9)
+    assert made.cells[-1].label == "plant jsbsim, variant windy, guidance.lookahead_m 10, remedy buffer 1 m"
+    assert (last["plant"], last["guidance"]["lookahead_m"], last["seed"]) == ("jsbsim", 10.0, 9)
     assert (last["wind"]["speed_mps"], last["remedy"]["ds_buffer_m"]) == (5.0, 1.0)
 
 

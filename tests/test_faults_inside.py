@@ -133,7 +133,7 @@ def viewing(guidance: Callable[..., Command]) -> Callable[..., Command]:
 
 def test_a_controller_that_wants_no_number_ends_the_run() -> None:
     bad = Command([20.0, math.nan], [0.0, 0.0], [0.0, 0.0])
-    parts = Parts(nominal=lambda *made_from: viewing(failing(catalogue.nominal(*made_from), bad)))
+    parts = Parts(nominal=lambda *made_from: viewing(failing(catalogue.guidance(*made_from), bad)))
     result = run(load("paper-2-turn", BRIEF), parts=parts)
     broken(result, "guidance", "its command.v is not finite: nan, vehicle 2, in step 25 at 0.500 s")
 

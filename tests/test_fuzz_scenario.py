@@ -27,7 +27,7 @@ KINDS: list[dict[str, Any]] = [
     {"barrier": {"kind": "rollout", "manoeuvres": [GAMMA]}, "filter": {"kind": "limited"}},
     {"barrier": {"shared": False, "pairs": [{"i": 1, "j": 2, "v_mps": 16.0, "omega_degps": 11.7}]}},
     {"alpha": {"kind": "odd-polynomial", "coefficients": [0.1, 0.1]}, "filter": {"kind": "navigation"}},
-    {"barrier": {"kind": "euclidean"}, "nominal": {"controller": "manoeuvre"}, "filter": {"kind": "none"}},
+    {"barrier": {"kind": "euclidean"}, "guidance": {"kind": "manoeuvre"}, "filter": {"kind": "none"}},
 ]
 
 

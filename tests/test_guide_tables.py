@@ -192,7 +192,7 @@ def test_the_remedys_assumptions_are_the_committed_runs() -> None:
 def test_the_remedys_assumptions_are_what_a_run_says_today(name: str, variant: str) -> None:
     campaign, folder = campaign_file.load(name)
     planned = plan.expand(campaign, plan.base(campaign, folder))
-    wanted = {"variant": variant, "nominal.lookahead_m": 10}
+    wanted = {"variant": variant, "guidance.lookahead_m": 10}
     (cell,) = [c.number for c in planned.cells if wanted.items() <= c.parameters.items()]
     first = planned.of(cell)[0]
     runs = pd.read_csv(DATA / "assumptions/runs.csv")

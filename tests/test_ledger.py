@@ -42,7 +42,7 @@ def lagged() -> Run:
         "lags.v_time_constant_s=0",
         "lags.omega_time_constant_s=0.35",
         "lags.zeta_time_constant_s=0",
-        "nominal.controller=manoeuvre",
+        "guidance.kind=manoeuvre",
         "filter.kind=none",
         "start.speed_mps=16",
         "course_offset_deg=10",

@@ -226,7 +226,7 @@ def damage(kept: Path, change: Callable[[dict[str, Any]], Any]) -> None:
     [
         (lambda d: d.update(schema_version=99), "schema version 99, this program reads 1"),
         (lambda d: d["scenario"]["flown"].update(d_safe_m=6.0), "changed since: d_safe_m 6.0 -> 5.0"),
-        (lambda d: d["scenario"].update(set=[]), "changed since: nominal.lookahead_m 10.0 -> 1.0"),
+        (lambda d: d["scenario"].update(set=[]), "changed since: guidance.lookahead_m 10.0 -> 1.0"),
         (lambda d: d["scenario"].update(source="gone.toml"), "gone.toml does not exist"),
         (lambda d: d["quantities"]["6-DOF"].pop("separation"), "is damaged"),
         (lambda d: d["quantities"]["6-DOF"]["goal"]["runs"].pop(), "is damaged"),

@@ -362,7 +362,7 @@ def test_a_ledger_has_a_page(lost: Path, tmp_path: Path, call: Callable[..., int
     assert f"At worst h falls {-worst['residual_mps']:.2f} m/s faster than promised" in found.words
     assert f"At {worst['t_s']:.3f} s, vehicles 1 and 2" in found.words
     assert f"turn rate {worst['omega']:+.2f}" in found.words
-    assert "paper-2-turn on lagged" in found.words and "nominal.lookahead_m" in found.words
+    assert "paper-2-turn on lagged" in found.words and "guidance.lookahead_m" in found.words
     assert len(table(found, "channel,")) == 6 and len(table(found, "t_s,vehicles")) == len(data["worst"])
     assert "remedy.robust_omega_degps" in found.words
 

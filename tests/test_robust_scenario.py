@@ -122,7 +122,7 @@ def test_the_recorded_h_is_the_true_one_and_the_filters_its_own(override: str) -
 @pytest.mark.slow
 def test_lags_break_the_guarantee_and_prediction_with_a_buffer_restores_it() -> None:
     """Healthy 5.9 m and more, broken 4.2 m."""
-    lagged = ("plant=lagged", "nominal.lookahead_m=10")
+    lagged = ("plant=lagged", "guidance.lookahead_m=10")
     assert closest(flown(*lagged)) < 4.5
     for buffer in (0.5, 1.0):
         result = flown(*lagged, "remedy.prediction_s=0.45", f"remedy.ds_buffer_m={buffer}")
@@ -135,7 +135,7 @@ def test_lags_break_the_guarantee_and_prediction_with_a_buffer_restores_it() -> 
 @pytest.mark.slow
 def test_the_identified_lags_restore_the_guarantee_on_the_aircraft() -> None:
     """Healthy 7.3 m, broken 4.7 m, 1 m where the rate limits were predicted too."""
-    aircraft = ("plant=jsbsim", "nominal.lookahead_m=10")
+    aircraft = ("plant=jsbsim", "guidance.lookahead_m=10")
     assert closest(flown(*aircraft)) < 5.0
     result = flown(*aircraft, "remedy.predict_lags=true")
     assert closest(result) > 7.0

@@ -81,7 +81,7 @@ def test_a_file_that_is_no_toml_or_is_missing_says_so(tmp_path: Path) -> None:
 def test_overrides_take_dotted_paths_short_names_and_toml_values() -> None:
     s = load("paper-2-turn", ["start.radius_m=100", "vehicles=5", "heights_m=[1, 2.5]"])
     assert (s.start.radius_m, s.vehicles, s.start.heights_m) == (100.0, 5, [1.0, 2.5])
-    with pytest.raises(UserError, match=r"could be filter\.kind or barrier\.kind or alpha\.kind"):
+    with pytest.raises(UserError, match=r"could be guidance\.kind or filter\.kind or barrier\.kind or"):
         load("paper-2-turn", ["kind=cubic"])
 
 

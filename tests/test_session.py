@@ -21,7 +21,7 @@ KINDS = {
         "plant=lagged",
         "wind.speed_mps=3",
         "sensing.position_noise_m=0.5",
-        "nominal.delay_steps=2",
+        "guidance.delay_steps=2",
     ],
     "aircraft": ["plant=jsbsim", "lookahead_m=10", "manoeuvre_instants=0", "start.radius_m=60"],
     "alone": ["vehicles=1"],
@@ -69,7 +69,7 @@ def test_reset_starts_the_same_run_anew() -> None:
 
 
 def test_commands_from_outside_are_what_the_filter_alters() -> None:
-    session = testbed.assemble(scenario("nominal.delay_steps=3"), force=True)
+    session = testbed.assemble(scenario("guidance.delay_steps=3"), force=True)
     step, straight = session.reset(), Command([20.0, 20.0], [0.0, 0.0], [0.0, 0.0])
     while not step.done:
         step = session.step(straight)
@@ -87,7 +87,7 @@ def test_guidance_given_by_hand_flies_the_run() -> None:
 
     s = scenario()
     _, goal = places(s, generators(s.seed)["start"])
-    guidance = catalogue.nominal(s, goal, catalogue.barrier(s))
+    guidance = catalogue.guidance(s, goal, catalogue.barrier(s))
     session = testbed.assemble(s, force=True)
     step = session.reset()
     while not step.done:

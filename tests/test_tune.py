@@ -50,7 +50,7 @@ def test_a_scenario_flies_a_gains_file(detuned: Path) -> None:
     from testbed.scenario.scenario import load as scenario
     from testbed.simulation.simulate import run
 
-    overrides = ["plant=jsbsim", "duration_s=0.1", "nominal.controller=manoeuvre"]
+    overrides = ["plant=jsbsim", "duration_s=0.1", "guidance.kind=manoeuvre"]
     done = run(scenario("paper-2-turn", [*overrides, f'airframes=["x8", "{detuned}"]']))
     assert set(done.manifest["airframes"]) == {"x8", "x8+detuned"}
 

@@ -78,7 +78,7 @@ def test_another_start(unicycle: Path, tmp_path: Path) -> None:
 def test_another_scenario(unicycle: Path, tmp_path: Path) -> None:
     for section, field, value in (
         ("alpha", "coefficient", 0.2), ("barrier", "v_mps", 17.0), ("limits", "v_max_mps", 16.0),
-        ("nominal", "gain_per_s", 0.2), ("start", "radius_m", 61.0),
+        ("guidance", "gain_per_s", 0.2), ("start", "radius_m", 61.0),
     ):  # fmt: skip
         folder = copied(unicycle, tmp_path / field)
         s = read(folder, "manifest.json")["scenario"]

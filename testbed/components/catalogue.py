@@ -28,7 +28,7 @@ from testbed.components.guidance import Constant, Guidance, NearIdentity
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario import barrier as scenario_barrier
-from testbed.scenario import control
+from testbed.scenario import guidance as scenario_guidance
 from testbed.scenario.location import path_of, relative
 from testbed.scenario.scenario import Scenario
 
@@ -177,19 +177,20 @@ def _fly_manoeuvre(s: Scenario, b: Barrier) -> Guidance:
     gamma = b.manoeuvre(s.vehicles)
     if gamma is None:
         raise UserError(
-            'nominal.controller: "manoeuvre" needs one evading manoeuvre; this barrier has one per pair'
+            'guidance.kind: "manoeuvre" needs one evading manoeuvre; this barrier has one per pair'
         )
     return Constant(gamma)
 
 
-NOMINALS: dict[type, Callable[[Any, Scenario, Array, Barrier], Guidance]] = {
-    control.NearIdentity: lambda c, s, goal, b: NearIdentity(goal, c.lookahead_m, c.gain_per_s),
-    control.EvadingManoeuvre: lambda c, s, goal, b: _fly_manoeuvre(s, b),
+GUIDANCE: dict[type, Callable[[Any, Scenario, Array, Barrier], Guidance]] = {
+    scenario_guidance.NearIdentity: lambda c, s, goal, b: NearIdentity(goal, c.lookahead_m, c.gain_per_s),
+    scenario_guidance.EvadingManoeuvre: lambda c, s, goal, b: _fly_manoeuvre(s, b),
 }
 
 
-def nominal(s: Scenario, goal: Array, b: Barrier) -> Guidance:
-    return NOMINALS[type(s.nominal)](s.nominal, s, goal, b)
+def guidance(s: Scenario, goal: Array, b: Barrier) -> Guidance:
+    """What the vehicles want, for goals (N, 3) m."""
+    return GUIDANCE[type(s.guidance)](s.guidance, s, goal, b)
 
 
 def _unicycle(s: Scenario) -> Plant:

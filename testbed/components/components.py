@@ -39,7 +39,7 @@ class Parts:
 
     plant: Callable[[Scenario, Array], Plant] = catalogue.plant
     filter: Callable[[Scenario, Barrier, Array], Choose] = catalogue.filter_
-    nominal: Callable[[Scenario, Array, Barrier], Guidance] = catalogue.nominal
+    nominal: Callable[[Scenario, Array, Barrier], Guidance] = catalogue.guidance
     disturbance: Callable[[Scenario, dict[str, np.random.Generator]], Environment] = catalogue.disturbance
 
     def own(self) -> dict[str, Origin]:

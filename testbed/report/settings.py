@@ -58,7 +58,9 @@ def changed(scenarios: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Dotted field -> value in each scenario, where it is no default or they differ."""
     from testbed.scenario.defaults import defaults
     from testbed.scenario.scenario import without_foreign
+    from testbed.scenario.spelling import current
 
+    scenarios = {label: current(s) for label, s in scenarios.items()}
     # Scenarios of schema 1 have fields of other kinds too, at their defaults.
     flat = {label: _flat(without_foreign(s)[0]) for label, s in scenarios.items()}
     usual = {path: value for s in scenarios.values() for path, value in defaults(s).items()}

@@ -10,15 +10,13 @@ from testbed.scenario.barrier import BARRIERS, Barrier, Turn
 from testbed.scenario.control import (
     ALPHAS,
     FILTERS,
-    NOMINALS,
     Alpha,
     Centralised,
     Cubic,
     Filter,
-    NearIdentity,
-    Nominal,
 )
 from testbed.scenario.fields import Name, Positive, Section
+from testbed.scenario.guidance import GUIDANCES, Guidance, NearIdentity
 from testbed.scenario.kinds import Kinds
 from testbed.scenario.nonideal import LAGS, AirframeLags, Gusts, Lags, Network, Sensing, Wind
 from testbed.scenario.remedy import Remedy
@@ -31,7 +29,7 @@ SCHEMA_VERSION: Literal[2] = 2
 # The tables that come in kinds.
 KINDS: dict[str, Kinds] = {
     "start": STARTS,
-    "nominal": NOMINALS,
+    "guidance": GUIDANCES,
     "filter": FILTERS,
     "barrier": BARRIERS,
     "alpha": ALPHAS,
@@ -69,7 +67,7 @@ class Contents(Section):
     rates: Rates = Rates()
     limits: InputSet = InputSet()
     start: Start = Circle()
-    nominal: Nominal = NearIdentity()
+    guidance: Guidance = NearIdentity()
     filter: Filter = Centralised()
     barrier: Barrier = Turn()
     alpha: Alpha = Cubic()
@@ -85,3 +83,8 @@ class Contents(Section):
     @property
     def filter_steps(self) -> int:
         return round(self.duration_s / self.rates.filter_dt_s)
+
+    @property
+    def nominal(self) -> Guidance:
+        """The guidance; `[nominal]` is its table's older name."""
+        return self.guidance

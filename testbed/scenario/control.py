@@ -1,4 +1,4 @@
-"""The [nominal], [filter] and [alpha] tables: guidance, the filter that alters it, the class-K function."""
+"""The [filter] and [alpha] tables: the filter that alters what guidance asks for, the class-K function."""
 
 from __future__ import annotations
 
@@ -6,43 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from testbed.scenario.fields import Divisor, NonNegative, Positive, Section
+from testbed.scenario.fields import NonNegative, Positive, Section
 from testbed.scenario.kinds import Kinds
-
-
-class _Nominal(Section):
-    delay_steps: Annotated[int, Field(ge=0, le=1000)] = Field(
-        default=0, description="filter steps by which u_hat is old; before there is one it is zero"
-    )
-
-
-class NearIdentity(_Nominal):
-    """Flies towards the goal."""
-
-    controller: Literal["near-identity"] = "near-identity"
-    lookahead_m: Divisor = Field(
-        default=1.0, description="the point ahead that is steered, the paper's lambda"
-    )
-    gain_per_s: Positive = Field(default=0.1, description="on position and height")
-
-
-class EvadingManoeuvre(_Nominal):
-    """Flies the barrier's evading manoeuvre for ever."""
-
-    controller: Literal["manoeuvre"]
-
-
-NOMINALS = Kinds(
-    "controller",
-    "near-identity",
-    {"near-identity": NearIdentity, "manoeuvre": EvadingManoeuvre},
-    {"near-identity": "guidance towards the goal", "manoeuvre": "guidance that flies the manoeuvre"},
-)
-Nominal = Annotated[
-    Annotated[NearIdentity, Tag("near-identity")] | Annotated[EvadingManoeuvre, Tag("manoeuvre")],
-    Discriminator(NOMINALS.tag),
-    BeforeValidator(NOMINALS.settled),
-]
 
 
 class _QP(Section):

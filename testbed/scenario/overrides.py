@@ -7,6 +7,7 @@ from typing import Any
 
 from aircraft.textfile import parse_toml
 from testbed.errors import UserError, nearest, short
+from testbed.scenario.spelling import table_of, today
 
 Path = tuple[str, ...]
 
@@ -52,7 +53,10 @@ def read_value(text: str) -> Any:
 
 
 def assign(data: dict[str, Any], path: Path, value: Any) -> None:
-    """Set the field at `path` in a scenario's plain data."""
+    """Set the field at `path` in a scenario's plain data; path and value may have an older spelling."""
+    path = today(path)
+    if len(path) == 1:
+        value = table_of(path[0], value)
     target = data
     for part in path[:-1]:
         target = target.setdefault(part, {})

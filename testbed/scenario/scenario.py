@@ -27,6 +27,7 @@ from testbed.scenario.fields import Section
 from testbed.scenario.location import FIELD, placed
 from testbed.scenario.overrides import assign, is_within, meanings, read_value, remove, resolve
 from testbed.scenario.relevance import idle
+from testbed.scenario.spelling import ALONE, FIELDS, TABLES, current, older
 from testbed.scenario.start import Places
 
 # In pydantic's validation context: fields without effect are kept.
@@ -94,8 +95,10 @@ def load(source: str | Path, overrides: Sequence[str] | None = None) -> Scenario
     data = placed(data, *homes(where, asked))
 
     def line(field: str) -> int | None:
-        path = [int(part) if part.isdigit() else part for part in field.split(".")]
-        return None if is_within(field, asked) else line_of(text, path)
+        path = tuple(int(part) if part.isdigit() else part for part in field.split("."))
+        if is_within(field, asked):
+            return None
+        return next((found for way in (path, *older(path)) if (found := line_of(text, way))), None)
 
     try:
         made, dropped = settled(data, where)
@@ -122,12 +125,13 @@ def homes(source: str, asked: Sequence[tuple[str, ...]] = ()) -> list[Path]:
 
 
 def parse(data: dict[str, Any], where: str = "scenario", keep_idle: bool = False) -> Scenario:
-    """A scenario from plain data of this schema or an older one, as files and manifests hold it.
+    """A scenario from plain data of this schema or an older one, in today's or an older spelling.
 
     keep_idle  fields without effect are kept instead of refused: in what was flown already, and in what
                `changed` makes scenarios from
     Raises UserError with the offending field's path.
     """
+    data = current(data)
     if is_old(data):
         data = without_foreign(data)[0] | {"schema_version": SCHEMA_VERSION}
         if not keep_idle:
@@ -151,7 +155,7 @@ def without_foreign(
 
     kept  paths that stay, to be refused where they have no effect
     """
-    left, dropped = copy.deepcopy(dict(data)), {}
+    left, dropped = copy.deepcopy(current(data)), {}
     for table, kinds in KINDS.items():
         said = left.get(table)
         if not isinstance(said, dict):
@@ -187,7 +191,12 @@ def settled(data: dict[str, Any], where: str = "scenario") -> tuple[Scenario, di
 @cache
 def field_paths() -> dict[str, list[tuple[str, ...]]]:
     """Every name an override may use -> the paths it can mean."""
-    return meanings({name: _fields(name) for name in Scenario.model_fields})
+    found = meanings({name: _fields(name) for name in Scenario.model_fields})
+    for old, table in TABLES.items():
+        renamed = {new: leaf for leaf, new in FIELDS.get(table, {}).items()}
+        found[old] = [(table,)]
+        found |= {f"{old}.{renamed.get(f, f)}": [(table, f)] for f in _fields(table)}
+    return found | {leaf: [path] for leaf, path in ALONE.items()}
 
 
 def _fields(name: str) -> list[str]:
@@ -231,11 +240,13 @@ def read(source: str) -> str:
 
 
 def tables(text: str, where: str) -> dict[str, Any]:
-    """A scenario file's text as plain data; UserError for what is no TOML."""
+    """A scenario file's text as plain data in today's spelling; UserError for what is no TOML."""
     try:
-        return parse_toml(text)
+        return current(parse_toml(text))
     except TextError as error:
         raise UserError(str(error), file=where) from None
+    except UserError as error:
+        raise UserError(*error.mistakes, file=where) from None
 
 
 def _idle_in(file: dict[str, Any], where: str) -> dict[str, str]:

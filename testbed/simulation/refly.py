@@ -98,7 +98,8 @@ def _compared(old: Path, new: Path, manifest: dict[str, Any]) -> Iterator[Findin
 
 def _flown(scenario: dict[str, Any]) -> dict[str, Any]:
     """A manifest's scenario as this program says it, wherever its airframes lie."""
-    return identity(settled(scenario)[0].model_dump(mode="json") if is_old(scenario) else scenario)
+    s = settled(scenario)[0] if is_old(scenario) else parse(scenario, keep_idle=True)
+    return identity(s.model_dump(mode="json"))
 
 
 def _word(entry: dict[str, Any] | None) -> str:

@@ -103,7 +103,7 @@ class Session:
             made is not None and made.air is not None,
         )
         self._still = np.zeros((s.vehicles, 3))
-        self._waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.nominal.delay_steps)
+        self._waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.guidance.delay_steps)
         self._count, self._recorded, self._commanded, self._unfiltered = 0, False, False, False
         self._nominal: Command | None = None
         self._decision: Decision | None = None

@@ -133,7 +133,7 @@ def _strays(run: Recorded, paths: PathBounds, velocity: Array, dt: Array) -> Arr
 def _nominal(run: Recorded) -> Iterator[Finding]:
     """What the controller wanted, from the pose recorded, or that of some steps before."""
     s = run.scenario
-    late, steps = s["nominal"]["delay_steps"], round(s["rates"]["record_dt_s"] / s["rates"]["filter_dt_s"])
+    late, steps = s["guidance"]["delay_steps"], round(s["rates"]["record_dt_s"] / s["rates"]["filter_dt_s"])
     if late % steps:
         return
     wanted = nominal(s, Pose(run.position, run.vehicles["theta_rad"]), manoeuvre(s))

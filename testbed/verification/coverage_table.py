@@ -188,7 +188,7 @@ SCENARIO = {
     },
     "start.speed_mps": _by("start-speed", otherwise="unicycles fly the first command at once"),
     "start.": _by("start", otherwise="the plant was not the scenario's"),
-    "nominal.": _by("nominal", otherwise="what the controller saw is not recorded"),
+    "guidance.": _by("nominal", otherwise="what the controller saw is not recorded"),
     "filter.solver": _no("solvers find the same solution"),
     "filter.monitor": _by("entries"),
     "filter.": replace(_ROWS, needs=_altered),

@@ -210,10 +210,10 @@ class PathClaims:
 
     def _alone(self, start: Array, straight: Array) -> Array:
         """(N,) s: the straight path to the goal radius at the nominal ground speed, inside the limits."""
-        s, c = self.s, self.s["nominal"]
+        s, c = self.s, self.s["guidance"]
         low, high = box(s)
         left = np.maximum(straight - s["goal_radius_m"], 0.0)
-        if c["controller"] == "manoeuvre":
+        if c["kind"] == "manoeuvre":
             return np.asarray(left / np.clip(manoeuvre(s)[:, 0], low[0], high[0]))
         level = np.linalg.norm((goals(s) - start)[:, :2], axis=-1) / np.where(straight > 0, straight, 1.0)
         # Gain times the level distance still to go, from all of it down to the goal radius.

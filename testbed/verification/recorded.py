@@ -114,7 +114,7 @@ def read(folder: Path) -> Recorded:
     manifest = _json(folder, "manifest.json")
     entries = _json(folder, "guarantees.json")
     try:
-        s, n = manifest["scenario"], manifest["scenario"]["vehicles"]
+        s, n = _today(manifest["scenario"]), manifest["scenario"]["vehicles"]
         period = s["rates"]["record_dt_s"]
         instants = (
             round(s["duration_s"] / s["rates"]["filter_dt_s"]) // round(period / s["rates"]["filter_dt_s"])
@@ -152,6 +152,15 @@ def read(folder: Path) -> Recorded:
     if timing.get("sha256") != _seal(timing):
         changed.append("timing.json")
     return Recorded(manifest, s, ended, entries, t, vehicles, pairs, i, j, changed, timing)
+
+
+def _today(scenario: dict[str, Any]) -> dict[str, Any]:
+    """A manifest's scenario as it is spelt today; older ones say [nominal] and its `controller`."""
+    if "nominal" not in scenario:
+        return scenario
+    said = {name: value for name, value in scenario.items() if name != "nominal"}
+    table = dict(scenario["nominal"])
+    return said | {"guidance": {"kind": table.pop("controller")} | table}
 
 
 def _seal(manifest: dict[str, Any]) -> str:

@@ -92,8 +92,8 @@ def arc(pose: Pose, rates: Array, dt: Array | float) -> Pose:
 
 def nominal(s: Scenario, pose: Pose, gamma: Array) -> Array:
     """What the nominal controller wants (..., N, 3) at poses (..., N)."""
-    c = s["nominal"]
-    if c["controller"] == "manoeuvre":
+    c = s["guidance"]
+    if c["kind"] == "manoeuvre":
         return np.broadcast_to(gamma, (*pose.theta.shape, 3))
     to = c["gain_per_s"] * (goals(s) - pose.position)
     ahead = np.exp(1j * pose.theta)

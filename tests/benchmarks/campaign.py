@@ -37,7 +37,7 @@ first_seed = {first}
 plants = ["jsbsim"]
 [set]
 duration_s = {duration}
-"nominal.lookahead_m" = 10
+"guidance.lookahead_m" = 10
 "rates.filter_dt_s" = 0.05
 "rates.record_dt_s" = {duration}
 "checks.manoeuvre_instants" = 0

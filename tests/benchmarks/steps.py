@@ -55,7 +55,7 @@ def active_moments(s: Scenario, count: int) -> tuple[CollisionFilter, list[Momen
     start, goal = places(s, generators(s.seed)["start"])
     barrier = catalogue.barrier(s)
     filter_ = CollisionFilter(barrier, catalogue.alpha(s), mode=s.filter.kind)  # type: ignore[arg-type]
-    limits, nominal = catalogue.limits(s), catalogue.nominal(s, goal, barrier)
+    limits, nominal = catalogue.limits(s), catalogue.guidance(s, goal, barrier)
     found: list[Moment] = []
     state, level = start, Command.of(np.zeros((s.vehicles, 3)))
     for _ in range(round(2.0 * s.start.radius_m / 15.0 / PERIOD_S)):
@@ -149,7 +149,7 @@ def against_fresh_osqp(bare: BareStep, moments: int) -> dict[str, float]:
     start, goal = places(s, generators(s.seed)["start"])
     barrier = catalogue.barrier(s)
     filter_ = CollisionFilter(barrier, catalogue.alpha(s), mode="limited")
-    limits, nominal = catalogue.limits(s), catalogue.nominal(s, goal, barrier)
+    limits, nominal = catalogue.limits(s), catalogue.guidance(s, goal, barrier)
     differenced = ForwardDifference(barrier)
     every = s.filter_steps // moments
     state, ours, fresh, apart = start, [], [], []

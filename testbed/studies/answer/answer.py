@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # With the printed 1 m the nominal controller asks an aircraft for more heading bandwidth than it has.
-COMMON = ("nominal.lookahead_m=10", "rates.filter_dt_s=0.05", "rates.record_dt_s=1")
+COMMON = ("guidance.lookahead_m=10", "rates.filter_dt_s=0.05", "rates.record_dt_s=1")
 FLEETS = {2: ("paper-2-turn", "duration_s=20"), 20: ("paper-20-turn", "duration_s=40")}
 WEATHER: dict[str, Fields] = {
     "calm": {},

@@ -33,7 +33,7 @@ def compare(airframe: str, lookahead_m: float, seed: int) -> dict[str, Any]:
 
     The channels' rms differences [m/s, deg/s, m/s] run from the start to the aircraft's closest approach.
     """
-    fields = [*SETTINGS, f'airframes=["{airframe}"]', f"nominal.lookahead_m={lookahead_m}"]
+    fields = [*SETTINGS, f'airframes=["{airframe}"]', f"guidance.lookahead_m={lookahead_m}"]
     base = load_base("paper-2-turn", fields)
     s = default_starts(base).model_copy(update={"seed": seed}) if seed else base
     aircraft, lagged = (_fly(s, plant) for plant in ("jsbsim", "lagged"))
