@@ -61,6 +61,7 @@ TABLES = {
     "of it, for aircraft only": run.AIRCRAFT_COLUMNS,
     "of it, in wind only": run.WIND_COLUMNS,
     "run.pairs": run.PAIR_COLUMNS,
+    "of it, with a filter that declares a barrier only": run.DECLARED_COLUMNS,
 }
 
 

@@ -108,8 +108,9 @@ class MonitorRecord:
 class Declaration:
     """What a filter says it is. The empty declaration says nothing.
 
-    barrier      its `pairs` are the values of this barrier at the very poses it was shown; None if it has no
-                 barrier, or values it at other poses
+    barrier      what it keeps >= 0; a user's own filter is judged by it (claims O1 to O3). A catalogue
+                 filter's `pairs` are its values at the very poses that it was shown; None if it has none, or
+                 values it at other poses
     constraints  view -> the rows its commands have to satisfy, without margins; None if it declares none
     alpha        the class-K function of its barrier; None if it declares none
     solves_qp    whether quadratic programs stand behind its commands

@@ -8,7 +8,13 @@ from pathlib import Path
 import pytest
 
 from testbed.errors import UserError
-from testbed.records.run import AIRCRAFT_COLUMNS, PAIR_COLUMNS, VEHICLE_COLUMNS, WIND_COLUMNS
+from testbed.records.run import (
+    AIRCRAFT_COLUMNS,
+    DECLARED_COLUMNS,
+    PAIR_COLUMNS,
+    VEHICLE_COLUMNS,
+    WIND_COLUMNS,
+)
 from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import builtin, load
 from testbed.simulation.refly import refly
@@ -98,7 +104,7 @@ def test_there_are_a_hundred_forgeries_and_more() -> None:
 
 def test_the_table_has_every_column_that_the_writer_knows() -> None:
     assert set(coverage_table.VEHICLES) == {*VEHICLE_COLUMNS, *AIRCRAFT_COLUMNS, *WIND_COLUMNS}
-    assert set(coverage_table.PAIRS) == set(PAIR_COLUMNS)
+    assert set(coverage_table.PAIRS) == {*PAIR_COLUMNS, *DECLARED_COLUMNS}
     assert {*coverage_table.FIELDS, "detail"} == set(Verdict.__annotations__) - {
         "kind", "instant", "status"
     } | {"t_s", "verdict"}  # fmt: skip

@@ -149,6 +149,8 @@ def _limits(f: Flown, v: Verdict) -> Verdict:
 
 
 def _rows(f: Flown, v: Verdict) -> Verdict:
+    if f.statistics.own is not None:
+        return own_filter.measured(f.statistics, v, f.i, f.j)
     if f.statistics.foreign:
         return own_filter.rows(f.statistics, v, f.end)
     if f.scenario.filter.kind not in QP_FILTERS or not f.i.size or f.statistics.without_qp:

@@ -51,6 +51,8 @@ class Claim:
         )
 
 
+DECLARED = "the filter's own declaration"
+
 START_SAFE = Claim(
     "start-safe", "P1", Kind.PREMISE, "the start is in the safe set", "Theorem 1", "h >= 0 at t = 0"
 )
@@ -161,6 +163,26 @@ MANOEUVRE_KEEPS_DS = Claim(
     "m",
 )
 
+OWN_SAFE_SET = Claim(
+    "own-safe-set", "O1", Kind.OWN, "the barrier that the filter declares stays >= 0", DECLARED, "least own h"
+)
+OWN_CONDITION = Claim(
+    "own-condition",
+    "O2",
+    Kind.OWN,
+    "along the motion hdot + alpha(h) >= 0 of the barrier and alpha that the filter declares",
+    DECLARED,
+    "least hdot + alpha(h) over a filter period",
+)
+OWN_ROWS = Claim(
+    "own-rows",
+    "O3",
+    Kind.OWN,
+    "commands satisfy the constraints that the filter declares",
+    DECLARED,
+    "least left side minus right side of its rows",
+)
+
 # In the order in which they are judged and written.
 PREMISES = (START_SAFE, SHARED_MANOEUVRE, MANOEUVRE_IN_U, MANOEUVRE_FLYABLE, GRADIENT, OFF_THE_KINK)
 GUARANTEES = (
@@ -174,9 +196,15 @@ GUARANTEES = (
     GOAL,
     INTERVENTION,
 )
-CLAIMS = {claim.id: claim for claim in (*PREMISES, *GUARANTEES, MANOEUVRE_KEEPS_DS)}
+# Judged only of a user's own filter that declares a barrier.
+OWN = (OWN_SAFE_SET, OWN_CONDITION, OWN_ROWS)
+# What rests on the scenario's barrier: such a filter has one of its own and did not promise it. It is still
+# measured; its verdict is "not applicable", for the reason `NOT_ITS_CLAIM`.
+OF_THE_PAPERS_BARRIER = (SAFE_SET, BARRIER_CONDITION, ZCBF_CONDITION, ROWS_SATISFIED, MANOEUVRE_KEEPS_DS)
+NOT_ITS_CLAIM = "not this filter's claim"
+CLAIMS = {claim.id: claim for claim in (*PREMISES, *GUARANTEES, MANOEUVRE_KEEPS_DS, *OWN)}
 # What a run can lose: intervention is reported, not judged.
-JUDGED = (*(claim for claim in GUARANTEES if claim is not INTERVENTION), MANOEUVRE_KEEPS_DS)
+JUDGED = (*(claim for claim in GUARANTEES if claim is not INTERVENTION), MANOEUVRE_KEEPS_DS, *OWN)
 
 
 def check_id(name: str) -> str:

@@ -70,7 +70,7 @@ def _globals(run: Run) -> Iterator[str]:
     verdicts = [
         f"{v.id}: {v.status}" + ("" if v.value is None else f", {number(v.value)} {v.unit}".rstrip())
         for v in run.guarantees
-        if v.kind is Kind.GUARANTEE
+        if v.kind in (Kind.GUARANTEE, Kind.OWN)
     ]
     said = {
         "ReferenceTime": "2026-01-01T00:00:00Z",

@@ -8,7 +8,14 @@ from pathlib import Path
 import pandas as pd
 
 from testbed.export.events import Event, events
-from testbed.records.run import AIRCRAFT_COLUMNS, PAIR_COLUMNS, VEHICLE_COLUMNS, WIND_COLUMNS, Run
+from testbed.records.run import (
+    AIRCRAFT_COLUMNS,
+    DECLARED_COLUMNS,
+    PAIR_COLUMNS,
+    VEHICLE_COLUMNS,
+    WIND_COLUMNS,
+    Run,
+)
 from testbed.records.store import write_json
 
 MARK = "export.json"
@@ -36,7 +43,7 @@ def write(run: Run, folder: Path) -> list[Event]:
         table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n")
     known = {
         "vehicles": VEHICLE_COLUMNS | AIRCRAFT_COLUMNS | WIND_COLUMNS,
-        "pairs": PAIR_COLUMNS,
+        "pairs": PAIR_COLUMNS | DECLARED_COLUMNS,
         "events": EVENT_COLUMNS,
     }
     said = [

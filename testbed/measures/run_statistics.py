@@ -11,6 +11,7 @@ from filters.barriers.pairs import all_pairs
 from filters.model import Array, Command, Limits, State
 from filters.qp.single import Status
 from testbed.measures.between_samples import ArcApproach, Bends
+from testbed.measures.declared_barrier import DeclaredBarrier
 from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.extreme import Extreme
 from testbed.measures.near_misses import NearMisses
@@ -47,6 +48,7 @@ class RunStatistics:
     near_misses where pairs came nearest, if that is wanted
     foreign     whether the filter is a user's own
     declared    the rows that such a filter declares; None if it declares none
+    own         the barrier that such a filter declares; None if it declares none
     arcs        closest approaches of unicycles, whose motion between samples is known; else None
     bends       how paths bend between samples
     """
@@ -56,6 +58,7 @@ class RunStatistics:
     near_misses: NearMisses | None = None
     foreign: bool = False
     declared: DeclaredRows | None = None
+    own: DeclaredBarrier | None = None
     arcs: ArcApproach | None = None
     bends: Bends = field(init=False)
     separation: Extreme = field(init=False)

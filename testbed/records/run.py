@@ -70,7 +70,13 @@ PAIR_COLUMNS: dict[str, tuple[str, str]] = {
     "residual_course_mps": ("m/s", "the part of courses turning otherwise than headings"),
 }
 
-# Of these, the ones that only the motion after the instant tells; nan at the last one.
+# Only in runs whose filter is a user's own and declares a barrier.
+DECLARED_COLUMNS: dict[str, tuple[str, str]] = {
+    "h_declared": ("", "the barrier that the user's filter declares, at the true state, in its own unit"),
+    "alpha_declared": ("", "the alpha that it declares of that h; nan where it declares none"),
+}
+
+# Of PAIR_COLUMNS, the ones that only the motion after the instant tells; nan at the last one.
 REALISED_COLUMNS = [name for name in PAIR_COLUMNS if name.startswith(("hdot_realised", "residual"))]
 
 
@@ -168,7 +174,7 @@ class Run:
 
     @cached_property
     def pairs(self) -> pd.DataFrame:
-        """One row per recorded time and pair; columns in PAIR_COLUMNS."""
+        """One row per recorded time and pair; columns in PAIR_COLUMNS and DECLARED_COLUMNS."""
         return self._frame("pairs")
 
     @property

@@ -1,4 +1,4 @@
-"""Defines a verdict: whether a run met one claim of the paper, by what margin, when, for which vehicles."""
+"""Defines a verdict: whether a run met one claim, by what margin, when, for which vehicles."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ class Kind(Enum):
 
     PREMISE = "P"
     GUARANTEE = "G"
+    OWN = "O"
     MONITOR = "M"
 
 
@@ -39,8 +40,9 @@ class Verdict(Mapping[str, Any]):
     """What was found about one claim in one run.
 
     id        name of the claim, e.g. separation
-    number    P1.. for a premise of the theorems, G1.. for a guarantee, M for a check by the theorem monitor
-    kind      which of the three; not a key of run files, where `number` tells it
+    number    P1.. for a premise of the theorems, G1.. for a guarantee, O1.. for what a user's own filter
+              promises, M for a check by the theorem monitor
+    kind      which of the four; not a key of run files, where `number` tells it
     claim     the claim in words
     source    where the paper makes it
     quantity  what `value` is, in words

@@ -20,15 +20,17 @@ LOOKS = {
     Status.NOT_APPLICABLE: ("–", "none"),
     Status.OPEN: ("?", OPEN),
 }
-GUARANTEES, PREMISES = "Guarantees", "Premises: if one is not met, what rests on it is not shown"
+PREMISES = "Premises: if one is not met, what rests on it is not shown"
+HEADINGS = {Kind.PREMISE: PREMISES, Kind.OWN: "What a filter of the user's own promises by its declaration"}
+GUARANTEES = "Guarantees"
 
 
 def rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
-    """One entry per claim with a line per run that has it: guarantees, then premises, in the order judged."""
+    """One entry per claim with a line per run that has it: premises last, else in the order judged."""
     listed = {v.id: v for run in runs.values() for v in run.guarantees}
     made, seen, looks = [], set(), styles(runs)
     for first in sorted(listed.values(), key=lambda v: v.kind is Kind.PREMISE):
-        heading = PREMISES if first.kind is Kind.PREMISE else GUARANTEES
+        heading = HEADINGS.get(first.kind, GUARANTEES)
         lines = [
             _line(label, v, looks[label]["color"])
             for label, run in runs.items()

@@ -37,13 +37,14 @@ def scorecard(runs: Mapping[str, Run], title: str) -> Table:
     for name in runs:
         table.add_column(name)
     met = []
-    for first in next(iter(runs.values())).guarantees:
-        verdicts = [run.guarantee(first.id) for run in runs.values()]
-        statuses = {v.status for v in verdicts}
+    claims = {v.id: v for run in runs.values() for v in run.guarantees}
+    for first in claims.values():
+        verdicts = [next((v for v in run.guarantees if v.id == first.id), None) for run in runs.values()]
+        statuses = {v.status for v in verdicts if v is not None}
         if first.kind is Kind.PREMISE and Status.PREMISE_NOT_MET not in statuses:
             met += [first.id] if statuses == {Status.HOLDS} else []
             continue
-        table.add_row(f"{first.number} {first.id}", *(cell(v) for v in verdicts))
+        table.add_row(f"{first.number} {first.id}", *("" if v is None else cell(v) for v in verdicts))
     lines = ["premises met: " + ", ".join(met)] if met else []
     for name, run in runs.items():
         own = sentence(run.manifest)

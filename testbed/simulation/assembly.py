@@ -13,7 +13,7 @@ from aircraft.replay import Replay
 from filters.barriers.pairs import Barrier, all_pairs
 from filters.constraints import Constraints
 from filters.filter import Choose, declaration
-from filters.model import Array, Limits, State, View
+from filters.model import Array, Command, Limits, State, View
 from testbed.claims.guarantees import H_TOLERANCE_M
 from testbed.components import catalogue
 from testbed.components.border.contract import Breach
@@ -25,6 +25,7 @@ from testbed.components.initial_conditions import generators, places
 from testbed.components.provenance import Origin
 from testbed.environment.environment import Environment
 from testbed.errors import UserError
+from testbed.measures.declared_barrier import at_one_step
 from testbed.scenario.scenario import Scenario
 
 
@@ -87,6 +88,15 @@ class Assembled:
     def refused(self) -> Breach | None:
         """Why no plant can fly the last command of a user's filter; None if it can."""
         return self.filter.refused if isinstance(self.filter, OwnFilter) else None
+
+    def declared(self, state: State, command: Command | None) -> Array:
+        """Of the barrier that a user's filter declares, see `declared_barrier.at_one_step`.
+
+        command  None where the vehicles fly other commands than the filter's
+        """
+        assert isinstance(self.filter, OwnFilter)
+        u = None if command is None else command.array()
+        return at_one_step(*self.filter.barrier_values(state), state, u)
 
     def rows(self, view: View) -> tuple[Constraints, ...]:
         """The rows that a user's filter declares for this view; none of other filters."""

@@ -11,12 +11,13 @@ from aircraft.airframes.schema import Airframe
 from aircraft.replay import Replay
 from filters.filter import declaration
 from filters.model import Array, State
-from testbed.claims import guarantees, judging, manoeuvre, registry
+from testbed.claims import guarantees, judging, manoeuvre, own_filter, registry
 from testbed.claims.flyable import unflyable
 from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
 from testbed.components import catalogue
 from testbed.components.border.contract import Breach, describe
+from testbed.components.border.others import OwnFilter
 from testbed.components.initial_conditions import generators
 from testbed.components.provenance import Origin
 from testbed.measures.near_misses import NearMisses
@@ -62,6 +63,9 @@ def judge(
             verdicts.append(judging.premise_not_met(unflown, f"while flying gamma: {why}"))
     parts = {part: where.to_json() for part, where in own.items()}
     manifest = _manifest(s, statistics, end, aircraft) | ({"parts": parts} if own else {})
+    if made and isinstance(made.filter, OwnFilter) and made.filter.declared:
+        manifest["declared"] = made.filter.declared
+        verdicts = own_filter.judged_by_its_own(verdicts, s, statistics, setting.i, setting.j, end)
     record = declaration(made.filter).record if made else None
     if record is not None:
         verdicts += monitored(record, s)

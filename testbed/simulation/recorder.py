@@ -12,7 +12,7 @@ from filters.model import Array, Command, Limits, State
 from filters.qp.single import Status
 from testbed.measures import hdot_ledger
 from testbed.measures.run_statistics import RunStatistics
-from testbed.records.run import REALISED_COLUMNS, WIND_COLUMNS, Columns, RowWriter
+from testbed.records.run import DECLARED_COLUMNS, REALISED_COLUMNS, WIND_COLUMNS, Columns, RowWriter
 from testbed.simulation.step_buffer import StepBuffer
 
 STATUS_NAMES = np.array([s.name.lower() for s in Status])
@@ -93,6 +93,8 @@ class Recorder:
             u_i, u_j = (s.command[new][:, vehicle].transpose(2, 0, 1) for vehicle in (s.i, s.j))
             hdot = (lie[0][:, new] * u_i + lie[1][:, new] * u_j).sum(axis=0)
             statistics.true_rows.update(s.t[new], hdot + alpha_h[new])
+        if statistics.own is not None and s.declared is not None:
+            statistics.own.update(s.t[: s.count], s.declared[:, : s.count], s.seen, self.dt)
         if s.count == 1:
             return
         realised = np.diff(h, axis=0) / self.dt
@@ -146,6 +148,7 @@ class Recorder:
         i, j = self._in_one_row(steps.size)
         u = s.command[steps].reshape(-1, 3)
         lie_i, lie_j = self._sides(steps, lie)
+        declared = () if s.declared is None else s.declared[:2, steps].reshape(2, -1)
         return {
             "t_s": np.repeat(s.t[steps], s.i.size),
             "i": np.tile((s.i + 1).astype(np.int32), steps.size),
@@ -154,6 +157,7 @@ class Recorder:
             "h_m": s.h[steps].ravel(),
             "h_filter_m": s.filter_h[steps].ravel(),
             "hdot_predicted_mps": dot(lie_i, u[i]) + dot(lie_j, u[j]),
+            **dict(zip(DECLARED_COLUMNS, declared, strict=False)),
         }
 
     def _residuals(self, steps: np.ndarray, lie: Array) -> Columns:

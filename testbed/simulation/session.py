@@ -16,6 +16,7 @@ from testbed.components.border.others import OwnFilter
 from testbed.components.components import Parts
 from testbed.components.provenance import Origin
 from testbed.measures.between_samples import ArcApproach
+from testbed.measures.declared_barrier import DeclaredBarrier
 from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.run_statistics import RunStatistics
@@ -87,10 +88,12 @@ class Session:
         if made and isinstance(made.filter, OwnFilter):
             self._statistics.foreign = True
             self._statistics.declared = DeclaredRows(setting.limits) if made.filter.declares else None
+            if (said := made.filter.declared) and setting.i.size:
+                self._statistics.own = DeclaredBarrier(setting.i.size, "alpha" in said)
         self._statistics.start(setting.start.position, setting.goal, s.goal_radius_m)
         self._memory = MemorySink() if self._sink is None else None
         self._rows = RowWriter(self._sink or self._memory)  # type: ignore[arg-type]
-        self._buffer = StepBuffer(s.vehicles, s.rates.fdm_steps)
+        self._buffer = StepBuffer(s.vehicles, s.rates.fdm_steps, self._statistics.own is not None)
         self._recorder = Recorder(
             self._buffer,
             self._statistics,
@@ -221,6 +224,9 @@ class Session:
             declared = self._statistics.declared
             if declared is not None and filtered:
                 declared.update(now.t, made.rows(now.view), decision.command.array())
+            own = None
+            if self._statistics.own is not None:
+                own = made.declared(now.state, decision.command if filtered else None)
             # A recorded step is complete only with the state that followed it.
             recorded, before = step % self.scenario.rates.record_steps == 0, self._recorded
             telemetry = made.plant.telemetry() if recorded or before else {}
@@ -233,7 +239,7 @@ class Session:
         if self._buffer.full:
             self._recorder.look()
         air = self._still if now.air is None else now.air
-        self._buffer.add(now.t, now.state, now.rates, air, wanted, decision, true, recorded, telemetry)
+        self._buffer.add(now.t, now.state, now.rates, air, wanted, decision, true, recorded, telemetry, own)
         return True
 
     def _stopped(self) -> Step:

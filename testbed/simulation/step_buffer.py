@@ -30,11 +30,13 @@ class StepBuffer:
     status, residual, override  (S, N) as in `Decision`
     filter_h, predicted      (S, P) the filter's own h and L_g h u; nan where it has none
     h, grad                  (S, P), (8, S, P) the unmodified barrier at the true state; see `judge_truth`
+    declared                 (3, S, P) of the barrier that a user's filter declares, see
+                             `declared_barrier.at_one_step`; None without one
     track                    (S periods, N, 3) m, the positions flown through after the new steps
     telemetry                per step {channel: (N,)}, of recorded steps and those that follow one
     """
 
-    def __init__(self, vehicles: int, periods: int) -> None:
+    def __init__(self, vehicles: int, periods: int, declared: bool = False) -> None:
         self.vehicles, self.periods = vehicles, periods
         self.i, self.j = all_pairs(vehicles)
         pairs = self.i.size
@@ -48,6 +50,7 @@ class StepBuffer:
         self.filter_h, self.predicted, self.h = np.empty((3, n, pairs))
         self.grad = np.empty((8, n, pairs))
         self.track = np.empty((n * periods, vehicles, 3))
+        self.declared = np.empty((3, n, pairs)) if declared else None
         self.telemetry: list[dict[str, Array]] = []
         self._known = np.empty(n, dtype=bool)  # whether h and grad are filled in
 
@@ -67,8 +70,12 @@ class StepBuffer:
         true: bool,
         recorded: bool,
         telemetry: dict[str, Array],
+        declared: Array | None = None,
     ) -> None:
-        """Take in one step; `true` says that the decision's pairs are the unmodified barrier at `truth`."""
+        """Take in one step; `true` says that the decision's pairs are the unmodified barrier at `truth`.
+
+        declared  (3, P), where the filter declares a barrier
+        """
         k = self.count
         self.t[k], self.recorded[k], self._known[k] = t, recorded, true
         now = self.truth[k]
@@ -84,6 +91,8 @@ class StepBuffer:
             self.filter_h[k], self.predicted[k] = decision.pairs.h, decision.hdot_predicted
             if true:
                 self.h[k], self.grad[:, k] = decision.pairs.h, decision.pairs.grad.T
+        if self.declared is not None and declared is not None:
+            self.declared[:, k] = declared
         self.telemetry.append(telemetry)
         self.count += 1
 
@@ -121,6 +130,8 @@ class StepBuffer:
             a[0] = a[last]
         for a in (self.status, self.override, self.residual, self.filter_h, self.predicted, self.h):
             a[0] = a[last]
+        if self.declared is not None:
+            self.declared[:, 0] = self.declared[:, last]
         self.grad[:, 0], self._known[0] = self.grad[:, last], self._known[last]
         self.telemetry = self.telemetry[last:]
         self.count, self.seen, self.moved = 1, 1, 0

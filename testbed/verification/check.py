@@ -21,6 +21,7 @@ from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import Pose, fly_on
 from testbed.verification.manoeuvre_claim import manoeuvre_keeps
 from testbed.verification.monitor_claims import monitored
+from testbed.verification.own_claims import declared
 from testbed.verification.pair_claims import SOLVING, Pairs
 from testbed.verification.path_bounds import PathBounds
 from testbed.verification.path_claims import PathClaims
@@ -73,7 +74,7 @@ def _findings(run: Recorded) -> Iterator[Finding]:
     rows, paths = Rows.of(run, pairs), PathBounds.of(run)
     yield from columns(run, paths, pairs, rows)
     judged = [*premises(run, pairs), *(pairs.findings() if pairs is not None else _without_pairs(run))]
-    judged += [*PathClaims(run, paths).findings(), *filtering(rows), *solutions(rows)]
+    judged += [*PathClaims(run, paths).findings(), *filtering(rows), *solutions(rows), *declared(run)]
     if (g9 := run.guarantees.get(registry.MANOEUVRE_KEEPS_DS.id)) is not None:
         judged.append(manoeuvre_keeps(pairs, Judge(run, g9)))
     # In the registry's order; what is no claim after it.
@@ -88,6 +89,8 @@ def _entries(run: Recorded) -> Finding:
     claims = [*registry.PREMISES, *registry.GUARANTEES]
     if s["checks"]["manoeuvre_instants"] and not run.ended:
         claims.append(registry.MANOEUVRE_KEEPS_DS)
+    if run.declared:
+        claims += registry.OWN
     if s["filter"].get("monitor") and "filter" not in run.parts and s["filter"]["kind"] in SOLVING:
         claims += MONITORED
     due = {claim.id: claim.number for claim in claims}

@@ -114,7 +114,7 @@ def _surfaces(run: Recorded) -> set[str]:
 
 def required(run: Recorded) -> list[str]:
     """What every run has."""
-    pairs = [f"pairs.{c}" for c in PAIRS] if run.i.size else []
+    pairs = [f"pairs.{c}" for c, checked in PAIRS.items() if checked.always] if run.i.size else []
     named = [f"vehicles.{c}" for c, checked in VEHICLES.items() if checked.always]
     named += [f"manifest.{key}" for key, checked in MANIFEST.items() if checked.always]
     return [*named, *pairs, *(f"{e['id']}.{key}" for e in run.entries for key in FIELDS)]

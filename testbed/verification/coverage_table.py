@@ -62,6 +62,7 @@ AIRCRAFT = {
 }
 _WIND = _by("wind", "airspeed_mps")
 WIND = {"wind_east_mps": _WIND, "wind_north_mps": _WIND, "wind_up_mps": _WIND}
+DECLARED = ("h_declared", "alpha_declared")
 VEHICLES = {
     "t_s": _by("rows"),
     "vehicle": _by("rows"),
@@ -95,6 +96,8 @@ PAIRS = {
         f"residual_{name}_mps": _by(f"residual_{name}", otherwise="the steps that follow are not recorded")
         for name in ("v", "omega", "zeta", "course")
     },
+    # "declared" is compared, but shows little: forged columns that fit together agree.
+    **{name: _sometimes(_no(f"only the filter's code gives its barrier; {FLY}")) for name in DECLARED},
 }
 MANIFEST = {
     "schema_version": _by("manifest"),
@@ -106,6 +109,7 @@ MANIFEST = {
     "worst_qp_residual": _no(FLY),
     "override_share": _by("override_share", otherwise="not every filter step was recorded"),
     "qp_cost": _sometimes(_no("the solutions of the other QP are not recorded")),
+    "declared": _sometimes(_by("entries")),
     "parts": _sometimes(_no("the user's own parts are named, not checked")),
     "files": _by("files"),
     "sha256": _by("files"),

@@ -28,6 +28,11 @@ def filtering(rows: Rows) -> Iterator[Finding]:
             yield look(rows, Judge(rows.run, rows.run.guarantees[claim.id]))
 
 
+def own_rows(judge: Judge) -> Finding:
+    """O3: rows are not recorded, but what is said of them must fit together."""
+    return _own_filter(judge, -ROW_ALLOWED, 1)
+
+
 def _own_filter(judge: Judge, bound: float, more: int) -> Finding:
     """G4 or G6 of a user's own filter: its rows are not recorded, but value, margin and verdict must fit.
 
@@ -115,6 +120,8 @@ def _stops(judge: Judge) -> None:
 
 def _satisfied(rows: Rows, judge: Judge) -> Finding:
     run = rows.run
+    if judge.excused:
+        return _true_rows(rows, judge)
     if "filter" in run.parts:
         return _own_filter(judge, -ROW_ALLOWED, 1)
     if not rows.solves or not run.i.size:
@@ -134,3 +141,17 @@ def _satisfied(rows: Rows, judge: Judge) -> Finding:
     floor = None if run.complete else -np.inf
     seen = Values.of(run.t, left, off, rows.pairs.who, counts, floor=floor)
     return judge.least(seen, -ROW_ALLOWED, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET)
+
+
+def _true_rows(rows: Rows, judge: Judge) -> Finding:
+    """G6 where it is not the filter's claim: the rows of the scenario's barrier at the true states."""
+    run, pairs = rows.run, rows.pairs
+    if not run.i.size:
+        return judge.nothing("no rows")
+    if pairs is None:
+        return judge.done("unknown", None, True, "verification does not cover this manoeuvre")
+    hdot, off = pairs.now.hdot(run.command[:, run.i], run.command[:, run.j])
+    off = off + pairs.alpha_off + 1e-13 * (np.abs(pairs.alpha) + np.abs(hdot))
+    floor = None if run.complete else -np.inf
+    seen = Values.of(run.t, hdot + pairs.alpha, off, pairs.who, floor=floor)
+    return judge.least(seen, -ROW_ALLOWED, lambda x: x >= -ROW_ALLOWED)

@@ -79,6 +79,11 @@ class Recorded:
         """Parts of the run that were not the scenario's: what -> name, file, SHA-256 of the source."""
         return dict(self.manifest.get("parts", {}))
 
+    @property
+    def declared(self) -> list[str]:
+        """Which of barrier, alpha and constraints a user's filter declares; none without a barrier."""
+        return list(self.manifest.get("declared", []))
+
     def channels(self, suffix: str) -> Array:
         """(T, N, 3): v, omega and zeta achieved (""), wanted ("_nominal") or commanded ("_command")."""
         names = (f"v{suffix}_mps", f"omega{suffix}_radps", f"zeta{suffix}_mps")

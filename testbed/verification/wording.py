@@ -11,7 +11,7 @@ from testbed.claims.monitored import MONITORED
 from testbed.claims.registry import Claim
 from testbed.verification import coverage
 from testbed.verification.air import blows
-from testbed.verification.coverage_table import AIRCRAFT, WIND
+from testbed.verification.coverage_table import AIRCRAFT, DECLARED, WIND
 from testbed.verification.finding import Finding
 from testbed.verification.recorded import Recorded
 
@@ -68,6 +68,12 @@ def _columns(run: Recorded) -> Finding:
         for name in WIND:
             if (name in run.vehicles) != blows(s):
                 wrong.append(f"{name} is {'recorded' if name in run.vehicles else 'missing'}")
+    due = bool(run.declared) and bool(run.i.size)
+    for name in DECLARED:
+        if (name in run.pairs) != due:
+            wrong.append(f"{name} is {'missing' if due else 'recorded'}")
+    if run.declared and "filter" not in run.parts:
+        wrong.append("a barrier is declared without a filter of the user's own")
     return _listed("columns", f"{len(run.vehicles) + len(run.pairs)} columns", "as due", wrong)
 
 

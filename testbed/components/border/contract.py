@@ -91,11 +91,12 @@ class Contract:
         except BaseException as error:
             raise self.breach(f"{what} raised {describe(error)}") from error
 
-    def method(self, thing: Any, name: str) -> Callable[..., Any]:
-        """The part's method of that name. Raises Breach if it has none."""
-        found: Any = self.call(f"its attribute {name}", getattr, thing, name, None)
+    def method(self, thing: Any, name: str, what: str = "it") -> Callable[..., Any]:
+        """The method of that name, of the part or of what it has. Raises Breach if there is none."""
+        whose = "its" if what == "it" else f"{what}'s"
+        found: Any = self.call(f"{whose} attribute {name}", getattr, thing, name, None)
         if not callable(found):
-            raise self.breach(f"it has no method {name}()")
+            raise self.breach(f"{what} has no method {name}()")
         return found  # type: ignore[no-any-return]
 
     def array(self, what: str, value: Any, shape: tuple[int, ...]) -> Array:

@@ -22,6 +22,8 @@ from testbed.components.border.contract import (
 )
 from testbed.components.border.plant import parameters
 
+# alpha(0) that counts as zero: round-off.
+ZERO = 1e-9
 KNOWN = frozenset(int(status) for status in Status)
 
 
@@ -29,7 +31,9 @@ class OwnFilter:
     """A Filter over a user's.
 
     A command that is not finite is passed on as NaN, since it violates the limits: the judge counts it, and
-    `refused` says why no plant can fly it. Of what it declares only the constraints count, see `rows`.
+    `refused` says why no plant can fly it. Of what it declares count the constraints, see `rows`, and the
+    barrier with its alpha, see `barrier_values`; a filter that says it is the paper's is judged by the
+    scenario's barrier alone.
     """
 
     refused: Breach | None = None
@@ -46,6 +50,12 @@ class OwnFilter:
         if self.declares and not callable(found.constraints):
             kind = type(found.constraints).__name__
             raise contract.breach(f"its declared constraints are a {kind}, which cannot be called")
+        self._values, self._alpha = None, None
+        if found.barrier is not None and not found.paper:
+            self._values = contract.method(found.barrier, "values", "its declared barrier")
+            if found.alpha is not None:
+                self._check_alpha(found.alpha)
+                self._alpha = found.alpha
         self.declaration = Declaration(solves_qp=bool(found.solves_qp))
 
     def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
@@ -72,6 +82,39 @@ class OwnFilter:
             contract.array("deviation", d.deviation, n),
             *self._pairs(d),
         )
+
+    @property
+    def declared(self) -> list[str]:
+        """Which of barrier, alpha and constraints it declares; none without a barrier."""
+        said = {"barrier": True, "alpha": self._alpha is not None, "constraints": self.declares}
+        return [name for name, is_declared in said.items() if is_declared] if self._values else []
+
+    def barrier_values(self, state: State) -> tuple[PairValues, Array | None]:
+        """Values of the declared barrier at the true state (N,), and the declared alpha of its h (P,)."""
+        contract = self._contract
+        what = "values() of its declared barrier"
+        assert self._values is not None
+        found = contract.call(what, self._values, copy_of(state))
+        pairs = self._checked(what, found)
+        if self._alpha is None:
+            return pairs, None
+        h = pairs.h
+        alpha_h = contract.call("its declared alpha", self._alpha, h.copy())
+        alpha_h = contract.array("its declared alpha", alpha_h, h.shape)
+        order = np.argsort(h)
+        falls = np.diff(alpha_h[order]) < -ZERO * (1.0 + np.abs(alpha_h[order[1:]]))
+        if falls.any() or (alpha_h * h < -ZERO).any():
+            why = "it does not grow with h from alpha(0) = 0"
+            raise contract.breach(f"its declared alpha is not of class K: {why}")
+        return pairs, alpha_h
+
+    def _check_alpha(self, alpha: Any) -> None:
+        contract, what = self._contract, "its declared alpha"
+        if not callable(alpha):
+            raise contract.breach(f"{what} is a {type(alpha).__name__}, which cannot be called")
+        at_zero = contract.array(what, contract.call(what, alpha, np.zeros(1)), (1,))[0]
+        if abs(at_zero) > ZERO:
+            raise contract.breach(f"{what} is not of class K: alpha(0) is {at_zero:g}")
 
     def rows(self, view: View) -> tuple[Constraints, ...]:
         """The rows that it declares for this view."""
@@ -100,17 +143,21 @@ class OwnFilter:
         contract, count = self._contract, len(self._i)
         if d.pairs is None:
             return None, np.zeros(0)
-        if not isinstance(d.pairs, PairValues):
-            raise contract.breach(f"pairs is a {type(d.pairs).__name__}, not PairValues")
+        pairs = self._checked("pairs", d.pairs)
+        return pairs, contract.array("hdot_predicted", d.hdot_predicted, (count,))
+
+    def _checked(self, what: str, found: Any) -> PairValues:
+        """Read-only copies of values of all pairs i < j, without what they say is `known`."""
+        contract, count = self._contract, len(self._i)
+        if not isinstance(found, PairValues):
+            raise contract.breach(f"{what} is a {type(found).__name__}, not PairValues")
         for name, own in (("i", self._i), ("j", self._j)):
-            if getattr(d.pairs, name) is own:
+            if getattr(found, name) is own:
                 continue
-            if not np.array_equal(contract.integers(f"pairs.{name}", getattr(d.pairs, name), (count,)), own):
-                raise contract.breach(f"pairs.{name} are not those of all pairs i < j, in row order")
-        h = contract.array("pairs.h", d.pairs.h, (count,))
-        grad = contract.array("pairs.grad", d.pairs.grad, (count, 8))
-        predicted = contract.array("hdot_predicted", d.hdot_predicted, (count,))
-        return PairValues(self._i, self._j, h, grad), predicted
+            if not np.array_equal(contract.integers(f"{what}.{name}", getattr(found, name), (count,)), own):
+                raise contract.breach(f"{what}.{name} are not those of all pairs i < j, in row order")
+        h = contract.array(f"{what}.h", found.h, (count,))
+        return PairValues(self._i, self._j, h, contract.array(f"{what}.grad", found.grad, (count, 8)))
 
 
 class OwnGuidance:
