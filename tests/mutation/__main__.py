@@ -42,9 +42,24 @@ FILES = [
         "cbf/theorem_monitor", "qp/single", "qp/batch", "qp/active_set", "qp/infeasibility",
         "rivals/navigation",
     )),
-    *(f"testbed/claims/{name}.py" for name in ("guarantees", "verdict", "premises")),
+    *(f"testbed/{name}.py" for name in ("claims/guarantees", "records/verdict", "claims/premises")),
     *(f"filters/{name}.py" for name in (
         "barriers/closed_form", "barriers/turn_kernel", "cbf/constraints", "cbf/collision",
+    )),
+    # What makes a verdict right: the border, the judge, the second opinion, provenance, trim, statistics.
+    *(f"testbed/{name}.py" for name in (
+        "scenario/randomness", "statistics/means", "statistics/distinct", "campaigns/distinct",
+        "measures/extreme", "measures/between_samples", "measures/declared_rows",
+        "claims/own_filter", "claims/judging", "claims/registry",
+        "components/border/contract", "components/border/making", "components/border/others",
+        "components/border/plant",
+        "verification/coverage_table", "verification/passing", "verification/path_bounds",
+        "verification/wording",
+    )),
+    *(f"aircraft/{name}.py" for name in (
+        "airframes/provenance", "autopilots/freshness", "autopilots/remaking", "autopilots/stability",
+        "jsbsim/shortfall", "jsbsim/engines", "jsbsim/rest", "jsbsim/steady", "jsbsim/climbs",
+        "jsbsim/continuation",
     )),
 ]  # fmt: skip
 # The tests that use these modules directly; whole flights would come too late to be chosen.
@@ -62,6 +77,9 @@ TESTS = [
     ),
     *("navigation", "qp", "qp_solvers", "robust", "robust_scenario", "rollout", "sensing", "step_buffer"),
     *("unicycle", "verification"),
+    *("border", "between_samples", "blinded", "claims", "claims_signs", "parts", "session", "statistics"),
+    *("verification_coverage", "verification_forged_claims", "verification_forged_tables"),
+    *("campaign_file", "engines", "provenance", "stability", "trim"),
 ]
 THIRD_PARTY = (
     "numpy",
