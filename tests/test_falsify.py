@@ -364,6 +364,10 @@ def test_mistakes_are_one_line(call: Callable[..., int], capsys: pytest.CaptureF
         (("--budget", 0), "--budget 0"),
         (("--guarantee", "goal"), "--guarantee goal"),
         (("--heading", 400), "--heading 400"),
+        (
+            [a for k in ("lateral", "heading", "height", "wind", "latency") for a in (f"--{k}", 0)],
+            "every bound is 0: there is nothing to search; leave one out for its default",
+        ),
         (("--workers", 0), "--workers 0"),
         (("--set", "vehicles=1", "--workers", 1, "--set", "duration_s=1"), "does not apply"),
     ):

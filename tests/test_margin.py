@@ -12,11 +12,11 @@ from testbed.campaigns import named_remedies
 from testbed.campaigns.job import Job
 from testbed.errors import UserError
 from testbed.scenario.scenario import load, parse
-from testbed.studies.common.measure import override
+from testbed.studies.common.measure import default_starts, override
 from testbed.studies.margin.margin import KNOBS, find, sentence
 from testbed.studies.remedies import remedies
 
-SCENARIO = load("paper-2-turn")
+SCENARIO = default_starts(load("paper-2-turn"))
 
 
 def answer(job: Job, lost: bool) -> dict[str, Any]:

@@ -58,6 +58,37 @@ def test_a_mistake_is_one_line_and_leaves_nothing(
     assert len(lines) == 1 and MISTAKES[arguments] in lines[0]
 
 
+STILL = ("--set", "start.heading_perturbation_deg=0")
+NOTHING_RANDOM = {
+    ("margin", "paper-2-turn", "--knob", "derate", "--seeds", "1"): "a certificate of 299 seeds",
+    ("remedies", "paper-2-turn", "--seeds", "4"): "a comparison of 4 seeds",
+    ("compare", "paper-2-turn", "--ladder", "--seeds", "4"): "a ladder of 4 seeds",
+    ("regress", "record", "still", "--scenario", "paper-2-turn"): "a baseline of",
+}
+
+
+@pytest.mark.parametrize("arguments", NOTHING_RANDOM, ids=" ".join)
+def test_seeds_that_change_nothing_are_refused_before_anything_is_flown(
+    arguments: tuple[str, ...], refusal: Callable[..., str]
+) -> None:
+    """Starts that the scenario says are not perturbed are left so, and then every seed flies one run."""
+    said = refusal(*arguments, *STILL)
+    assert f"paper-2-turn: {NOTHING_RANDOM[arguments]}" in said
+    assert "nothing random: every seed gives the same run; perturb the start, for example" in said
+    assert "--set start.heading_perturbation_deg=5" in said
+
+
+def test_one_seed_of_a_run_without_chance_is_flown_and_the_remedy_named_works(
+    tmp_path: Path, call: Callable[..., int]
+) -> None:
+    one = ("remedies", "paper-2-turn", "--plant", "unicycle", "--only", "none", "--workers", "1")
+    one += ("--set", "duration_s=0.2")
+    assert call(*one, *STILL, "--seeds", "1", "--out", tmp_path / "one") == 0
+    perturbed = ("--set", "start.heading_perturbation_deg=5")
+    assert call(*one, *perturbed, "--seeds", "2", "--out", tmp_path / "two") == 0
+    assert pd.read_csv(tmp_path / "two" / "remedies.csv").distinct.tolist() == [2]
+
+
 @pytest.mark.parametrize("command", ["remedies", "margin", "answer"])
 def test_every_study_has_help_with_an_example(
     command: str, call: Callable[..., int], capsys: pytest.CaptureFixture[str]

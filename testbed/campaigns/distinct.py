@@ -8,10 +8,11 @@ from typing import Any
 from testbed.campaigns.plan import Plan
 from testbed.errors import UserError
 from testbed.scenario.randomness import random_fields
-from testbed.scenario.scenario import parse
+from testbed.scenario.scenario import Scenario, parse
 from testbed.statistics import distinct, nothing_random
 
 REMEDY = "perturb the start, for example start.heading_perturbation_deg = 5"
+SET = REMEDY.replace(" = ", "=").replace("example ", "example --set ")
 
 
 def check_distinct(plan: Plan) -> None:
@@ -26,6 +27,19 @@ def check_distinct(plan: Plan) -> None:
             if plan.campaign.stop is not None:
                 said = said.replace("seeds = 1", "looks = [1]")
             raise UserError(f"{where}: {said}, or {REMEDY}; every seed gives the same run")
+
+
+def check_random(s: Scenario, study: str, seeds: int, *, one_will_do: bool = True) -> None:
+    """UserError if a study would fly `s` with several seeds and nothing in it depends on the seed.
+
+    one_will_do  whether the study can be had from a single seed
+    """
+    if seeds < 2 or random_fields(s):
+        return
+    other = ", or fly one seed" if one_will_do else ""
+    raise UserError(
+        f"{s.name}: {study} of {seeds} seeds, nothing random: every seed gives the same run; {SET}{other}"
+    )
 
 
 def distinct_results(rows: Iterable[Mapping[str, Any]], without: Iterable[str] = ("seed",)) -> int:

@@ -96,9 +96,8 @@ def place(where: Path, name: str) -> Path:
 def scenario_of(source: str, overrides: list[str], where: Path | None = None) -> Scenario:
     """The scenario a baseline flies: a built-in one, or a file relative to `where` (None: as it stands).
 
-    Its starts are perturbed where nothing perturbs them, because otherwise all seeds would fly the same run.
-    The
-    rungs set the plant, and the blocks the seeds.
+    Its starts are perturbed where it says nothing of that, because otherwise all seeds would fly the same
+    run. The rungs set the plant, and the blocks the seeds.
     """
     for item in overrides:
         if (field := item.partition("=")[0].strip()) in ("plant", "seed"):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from testbed.campaigns.distinct import check_random
 from testbed.campaigns.engine import fly_all
 from testbed.campaigns.job import Job
 from testbed.claims.registry import SEPARATION
@@ -108,6 +109,7 @@ def record(
     if m < 2:
         raise UserError(f"--blocks {m}: give at least 2, the spread over seeds is estimated from them")
     refuse_stale(s)
+    check_random(s, "a baseline", n * m, one_will_do=False)
     runs = fly_rungs(s, chosen, range(1, n * m + 1), workers)
     tolerances = {
         rung: {q.name: tolerance(q, of[q.name], n) for q in quantities(s)} for rung, of in runs.items()

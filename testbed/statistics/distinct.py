@@ -16,5 +16,5 @@ def distinct(results: Iterable[Any]) -> int:
 
 
 def nothing_random(seeds: int) -> str:
-    """What a campaign or study says that would fly one run `seeds` times."""
+    """What a campaign says that would fly one run `seeds` times."""
     return f"{seeds} seeds, nothing random: add [random], or seeds = 1"

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from testbed.campaigns.distinct import distinct_results
+from testbed.campaigns.distinct import check_random, distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -80,6 +80,8 @@ def answer(
     """
     import pandas as pd
 
+    for key, s in made.items():
+        check_random(s, "an answer", seeds[key[1]])
     jobs = {
         key: [Job(" ".join(map(str, key)), override(s, {}), seed) for seed in range(1, seeds[key[1]] + 1)]
         for key, s in made.items()

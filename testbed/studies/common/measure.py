@@ -12,6 +12,7 @@ from testbed.components.components import Parts
 from testbed.scenario.scenario import Scenario
 
 Fields = dict[str, Any]
+STARTS = {"lateral_perturbation_m": 10.0, "heading_perturbation_deg": 5.0, "height_perturbation_m": 1.0}
 
 
 def measure(job: Job, parts: Parts | None = None) -> dict[str, Any]:
@@ -78,11 +79,11 @@ def override(s: Scenario, fields: Fields) -> str:
 
 
 def default_starts(s: Scenario) -> Scenario:
-    """The scenario, its starts perturbed by +-10 m, +-5 deg, +-1 m if nothing perturbs them already."""
+    """The scenario, its starts perturbed by +-10 m, +-5 deg, +-1 m.
+
+    If it perturbs them itself, or says that it does not (a perturbation of 0), it is left as it is.
+    """
     start = s.start
-    if start.lateral_perturbation_m or start.heading_perturbation_deg or start.height_perturbation_m:
+    if any(getattr(start, name) or name in start.model_fields_set for name in STARTS):
         return s
-    perturbed = start.model_copy(
-        update={"lateral_perturbation_m": 10.0, "heading_perturbation_deg": 5.0, "height_perturbation_m": 1.0}
-    )
-    return s.model_copy(update={"start": perturbed})
+    return s.model_copy(update={"start": start.model_copy(update=STARTS)})

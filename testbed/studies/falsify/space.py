@@ -59,7 +59,7 @@ def bounds(
 ) -> Bounds:
     """Bounds as given; of starts, None is the scenario's own perturbation, or else the default.
 
-    Raises UserError for one that is negative or beyond what a scenario can say.
+    Raises UserError for one that is negative or beyond what a scenario can say, or if all are 0.
     """
     given = {"lateral_m": lateral_m, "heading_deg": heading_deg, "height_m": height_m}
     drawn = any(getattr(s.start, k.perturbation) for k in STARTS)
@@ -73,6 +73,11 @@ def bounds(
             raise UserError(
                 f"--{kind.rpartition('_')[0]} {value:g}: give 0 to {WIDEST[kind]:g} {_unit(kind)}"
             )
+    if not any(chosen.values()):
+        raise UserError(
+            "every bound is 0: there is nothing to search; leave one out for its default, such as --heading,"
+            f" or fly the scenario as it stands: testbed run {s.name}"
+        )
     return Bounds(**chosen)
 
 

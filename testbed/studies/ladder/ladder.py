@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.campaigns.distinct import distinct_results
+from testbed.campaigns.distinct import check_random, distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -106,10 +106,11 @@ def climb(
 ) -> pd.DataFrame:
     """Fly every rung, and every departure alone, from seeds 1 to `seeds`; one row per run.
 
-    Equal settings are flown once, and what `book` has not at all.
+    Equal settings are flown once, and what `book` has not at all. UserError if nothing is random.
     """
     import pandas as pd
 
+    check_random(s, "a ladder", seeds)
     wanted: dict[str, str] = {name: override(s, f) for name, f in cumulative(ladder).items()}
     for name, (without, with_) in alone(ladder).items():
         wanted[f"{name} off"], wanted[f"{name} alone"] = override(s, without), override(s, with_)

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field
 from math import ceil, log
 from typing import TYPE_CHECKING, Any
 
-from testbed.campaigns.distinct import distinct_results
+from testbed.campaigns.distinct import check_random, distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -125,13 +125,16 @@ def find(
     seeds     common seeds 1..seeds of the sweep; certificates use later ones
     measured  what flies a job (for tests)
     book      runs flown before an interruption
-    Raises    UserError for a knob unknown or beyond the scenario's filter, or a rate outside (0, 1).
+    Raises    UserError for a knob unknown or beyond the scenario's filter, a rate outside (0, 1), or a
+              scenario with nothing random: a certificate needs runs that differ.
     """
     if knob not in KNOBS:
         raise UserError(f"--knob {knob}: unknown; {nearest(knob, KNOBS)}")
     if not 0.0 < target_rate < 1.0:
         raise UserError(f"--target-rate {target_rate:g}: give a rate between 0 and 1, such as 0.01")
     k = KNOBS[knob]
+    fewest = ceil(log(1 - CONFIDENCE) / log(1 - target_rate))
+    check_random(s, "a certificate", fewest, one_will_do=False)
     for setting in k.grid:  # refuse before anything is flown
         override(s, k.fields(setting))
     found, flown = Margin(knob, k.unit, target_rate), book or Journal()

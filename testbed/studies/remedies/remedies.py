@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbed.campaigns.distinct import distinct_results
+from testbed.campaigns.distinct import check_random, distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 def compare(
     s: Scenario, remedies: dict[str, Fields], seeds: range, book: Journal, workers: int | None = None
 ) -> pd.DataFrame:
-    """One row per remedy and seed; what `book` has is not flown again."""
+    """One row per remedy and seed; what `book` has is not flown again. UserError if nothing is random."""
     import pandas as pd
 
+    check_random(s, "a comparison", len(seeds))
     jobs = [Job(name, override(s, fields), seed) for name, fields in remedies.items() for seed in seeds]
     rows = fly_rows(measure, jobs, keys(jobs), book, workers, said)
     return pd.DataFrame(
