@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from testbed.scenario.barrier import BARRIERS, Barrier, Turn
 from testbed.scenario.control import (
@@ -15,6 +15,7 @@ from testbed.scenario.control import (
     Cubic,
     Filter,
 )
+from testbed.scenario.fence import FENCES, Fence
 from testbed.scenario.fields import Name, Positive, Section
 from testbed.scenario.guidance import GUIDANCES, Guidance, NearIdentity
 from testbed.scenario.kinds import Kinds
@@ -35,6 +36,11 @@ KINDS: dict[str, Kinds] = {
     "alpha": ALPHAS,
     "lags": LAGS,
 }
+# The lists of tables that come in kinds.
+LISTED_KINDS: dict[str, Kinds] = {"fence": FENCES}
+# Tables that plain data leave out while they are at their defaults: scenarios without them keep the names
+# that their runs had before there were such tables.
+ABSENT_BY_DEFAULT = ("fence",)
 
 
 class Contents(Section):
@@ -79,6 +85,16 @@ class Contents(Section):
     gusts: Gusts = Gusts()
     sensing: Sensing = Sensing()
     network: Network = Network()
+    fence: list[Fence] = Field(default=[], max_length=100, description="areas to stay in or out of")
+
+    @model_serializer(mode="wrap")
+    def plain(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Plain data without the tables of `ABSENT_BY_DEFAULT` that say nothing."""
+        made: dict[str, Any] = handler(self)
+        for name in ABSENT_BY_DEFAULT:
+            if name in made and getattr(self, name) == type(self).model_fields[name].default:
+                del made[name]
+        return made
 
     @property
     def filter_steps(self) -> int:

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from testbed.errors import Mistake, nearest, short
 from testbed.scenario.fields import Section
 from testbed.scenario.kinds import Kinds
+from testbed.scenario.overrides import NUMBERED
 
 # What pydantic adds to a path where a field may be of two types.
 _TYPES = {"float", "constrained-float", "list[float]", "list[constrained-float]", "function-after"}
@@ -20,22 +21,28 @@ def explain(
 ) -> list[Mistake]:
     """What pydantic found wrong with the data of `model`, without repetitions.
 
-    kinds  the tables of `model` that come in kinds, by name
+    kinds  the tables of `model`, and lists of tables, that come in kinds, by name
     """
     return list(dict.fromkeys(_explain(e, model, kinds or {}) for e in error.errors()))
 
 
 def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> Mistake:
     where = [p for p in error["loc"] if p not in _TYPES]
+    listed = len(where) > 1 and where[0] in NUMBERED and isinstance(where[1], int)
+    if listed:
+        where[1] += 1
     kinds, tag = known.get(str(where[0])) if where else None, ""
-    if kinds is not None and len(where) > 1 and where[1] in kinds.models:
-        tag = str(where.pop(1))
+    inside = 2 if listed else 1  # where the path inside the table begins
+    if kinds is not None and len(where) > inside and where[inside] in kinds.models:
+        tag = str(where.pop(inside))
     *parents, last = where or [""]
     path = short(".".join(map(str, [*parents, last])))
     if error["type"] == "extra_forbidden":
-        if kinds is not None and len(parents) == 1 and kinds.takers(str(last)):
+        if kinds is not None and len(parents) == inside and kinds.takers(str(last)):
             return Mistake(kinds.refusal(str(last), tag), path)
-        fields = _fields_at(parents[1:], kinds.models[tag]) if kinds and tag else _fields_at(parents, model)
+        fields = (
+            _fields_at(parents[inside:], kinds.models[tag]) if kinds and tag else _fields_at(parents, model)
+        )
         return Mistake("unknown field", path, remedy=nearest(str(last), fields))
     if kinds is not None and error["type"].startswith("union_tag"):
         return _unknown_kind(path, kinds, error["input"])

@@ -10,6 +10,8 @@ from testbed.errors import UserError, nearest, short
 from testbed.scenario.spelling import table_of, today
 
 Path = tuple[str, ...]
+# Lists of tables whose entries a message names by their numbers, from 1: fence.2.radius_m.
+NUMBERED = ("fence",)
 
 
 def meanings(tables: Mapping[str, Iterable[str]]) -> dict[str, list[Path]]:

@@ -21,11 +21,12 @@ from aircraft.textfile import TextError, line_of, parse_toml, read_text
 from testbed.errors import Mistake, NoteWarning, UserError, nearest, short
 from testbed.scenario import capacity
 from testbed.scenario.barrier import PairTurns
-from testbed.scenario.contents import KINDS, SCHEMA_VERSION, Contents
+from testbed.scenario.contents import KINDS, LISTED_KINDS, SCHEMA_VERSION, Contents
 from testbed.scenario.explain import explain
+from testbed.scenario.fence_rules import check_fences
 from testbed.scenario.fields import Section
 from testbed.scenario.location import FIELD, placed
-from testbed.scenario.overrides import assign, is_within, meanings, read_value, remove, resolve
+from testbed.scenario.overrides import NUMBERED, assign, is_within, meanings, read_value, remove, resolve
 from testbed.scenario.relevance import idle
 from testbed.scenario.spelling import ALONE, FIELDS, TABLES, current, older
 from testbed.scenario.start import Places
@@ -55,6 +56,7 @@ class Scenario(Contents):
             if [(p.i, p.j) for p in barrier.pairs] != wanted:
                 raise ValueError(f"barrier.pairs: list the pairs {wanted} in this order")
         self.remedy.check(self.filter, barrier)
+        check_fences(self)
         if not (info.context or {}).get(KEEP_IDLE) and (found := idle(self)):
             raise ValueError("; ".join(f"{path}: {why}" for path, why in found.items()))
         ratio = self.duration_s / self.rates.filter_dt_s
@@ -95,10 +97,7 @@ def load(source: str | Path, overrides: Sequence[str] | None = None) -> Scenario
     data = placed(data, *homes(where, asked))
 
     def line(field: str) -> int | None:
-        path = tuple(int(part) if part.isdigit() else part for part in field.split("."))
-        if is_within(field, asked):
-            return None
-        return next((found for way in (path, *older(path)) if (found := line_of(text, way))), None)
+        return None if is_within(field, asked) else _line(text, field)
 
     try:
         made, dropped = settled(data, where)
@@ -139,7 +138,7 @@ def parse(data: dict[str, Any], where: str = "scenario", keep_idle: bool = False
     try:
         return Scenario.model_validate(data, context={KEEP_IDLE: keep_idle})
     except ValidationError as error:
-        raise UserError(*explain(error, Scenario, KINDS), file=where) from None
+        raise UserError(*explain(error, Scenario, KINDS | LISTED_KINDS), file=where) from None
 
 
 def is_old(data: Mapping[str, Any]) -> bool:
@@ -197,6 +196,16 @@ def field_paths() -> dict[str, list[tuple[str, ...]]]:
         found[old] = [(table,)]
         found |= {f"{old}.{renamed.get(f, f)}": [(table, f)] for f in _fields(table)}
     return found | {leaf: [path] for leaf, path in ALONE.items()}
+
+
+def _line(text: str, field: str) -> int | None:
+    """The line of a file that says a field; of one in a list of tables else that of the table."""
+    path = tuple(int(part) if part.isdigit() else part for part in field.split("."))
+    ways = [path, *older(path)]
+    if path[0] in NUMBERED and len(path) > 1 and isinstance(path[1], int):
+        path = (path[0], path[1] - 1, *path[2:])
+        ways = [path[:k] for k in range(len(path), 1, -1)]
+    return next((found for way in ways if (found := line_of(text, way))), None)
 
 
 def _fields(name: str) -> list[str]:
