@@ -33,6 +33,7 @@ class Flown:
 
     i, j          vehicles of each pair, from 0
     started_safe  whether h >= 0 for all pairs at t = 0
+    started_in_fences  whether h >= 0 for all fences at t = 0
     end           why the run ended before its time, or None
     straight      (N,) m, distance from start to goal
     solo_time_s   (N,) s, time from there to within the goal radius at the nominal speed; None if unknown
@@ -46,6 +47,7 @@ class Flown:
     end: str | None
     straight: np.ndarray
     solo_time_s: np.ndarray | None = None
+    started_in_fences: bool = True
 
     def unjudged(self, claim: Claim) -> Verdict:
         """A verdict on `claim` without data, with the words and units of this scenario."""

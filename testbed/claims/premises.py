@@ -32,7 +32,8 @@ def premises(f: Flown, barrier: Barrier, limits: Limits, unflyable: list[str]) -
 
 
 def _start(f: Flown, v: Verdict) -> Verdict:
-    return decide_premise(v, f.started_safe, "" if f.started_safe else "h < 0 at the start")
+    safe = f.started_safe and f.started_in_fences
+    return decide_premise(v, safe, "" if safe else "h < 0 at the start")
 
 
 def _shared(f: Flown, v: Verdict) -> Verdict:

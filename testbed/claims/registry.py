@@ -162,6 +162,25 @@ MANOEUVRE_KEEPS_DS = Claim(
     "least distance while flying gamma",
     "m",
 )
+# Of runs with fences alone.
+FENCE_CLEARANCE = Claim(
+    "fence-clearance",
+    "G10",
+    Kind.GUARANTEE,
+    "every vehicle keeps clear of its fences",
+    "Theorem 1 and eq. (9), of one vehicle and a fence",
+    "least signed distance to a fence, less its margin",
+    "m",
+)
+FENCE_SAFE_SET = Claim(
+    "fence-safe-set",
+    "G11",
+    Kind.GUARANTEE,
+    "h >= 0 of every fence for ever",
+    "Theorem 1, of one vehicle and a fence",
+    "least h of a fence",
+    "m",
+)
 
 OWN_SAFE_SET = Claim(
     "own-safe-set", "O1", Kind.OWN, "the barrier that the filter declares stays >= 0", DECLARED, "least own h"
@@ -196,15 +215,28 @@ GUARANTEES = (
     GOAL,
     INTERVENTION,
 )
+FENCES = (FENCE_CLEARANCE, FENCE_SAFE_SET)
 # Judged only of a user's own filter that declares a barrier.
 OWN = (OWN_SAFE_SET, OWN_CONDITION, OWN_ROWS)
 # What rests on the scenario's barrier: such a filter has one of its own and did not promise it. It is still
 # measured; its verdict is "not applicable", for the reason `NOT_ITS_CLAIM`.
-OF_THE_PAPERS_BARRIER = (SAFE_SET, BARRIER_CONDITION, ZCBF_CONDITION, ROWS_SATISFIED, MANOEUVRE_KEEPS_DS)
+OF_THE_PAPERS_BARRIER = (
+    SAFE_SET,
+    BARRIER_CONDITION,
+    ZCBF_CONDITION,
+    ROWS_SATISFIED,
+    MANOEUVRE_KEEPS_DS,
+    FENCE_SAFE_SET,
+)
 NOT_ITS_CLAIM = "not this filter's claim"
-CLAIMS = {claim.id: claim for claim in (*PREMISES, *GUARANTEES, MANOEUVRE_KEEPS_DS, *OWN)}
+CLAIMS = {claim.id: claim for claim in (*PREMISES, *GUARANTEES, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)}
 # What a run can lose: intervention is reported, not judged.
-JUDGED = (*(claim for claim in GUARANTEES if claim is not INTERVENTION), MANOEUVRE_KEEPS_DS, *OWN)
+JUDGED = (
+    *(claim for claim in GUARANTEES if claim is not INTERVENTION),
+    MANOEUVRE_KEEPS_DS,
+    *FENCES,
+    *OWN,
+)
 
 
 def check_id(name: str) -> str:

@@ -20,10 +20,12 @@ from filters.barriers.euclidean import EuclideanBarrier
 from filters.barriers.pairs import Barrier, ForwardDifference
 from filters.barriers.per_pair import PerPair
 from filters.cbf.collision import CollisionFilter, Passthrough
+from filters.cbf.fence_constraints import FenceConstraints
 from filters.cbf.theorem_monitor import Monitor
 from filters.filter import Filter
 from filters.model import Array, Command, Limits
 from testbed.components import remedies
+from testbed.components.fences import fences
 from testbed.components.guidance import Constant, Guidance, NearIdentity
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
@@ -119,6 +121,7 @@ def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
     if said.kind not in ("centralised", "limited"):
         raise ValueError(f"filter {said.kind!r} solves no QP")
     own = ForwardDifference(b, s.barrier.gradient_step) if s.barrier.gradient == "forward" else b
+    fenced = fences(s, b, s.remedy.ds_buffer_m)
     made = CollisionFilter(
         own,
         alpha(s),
@@ -126,6 +129,7 @@ def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
         shared=s.barrier.shared,
         margin=remedies.margin(s),
         solver=said.solver,
+        also=() if fenced is None else (FenceConstraints(fenced, alpha(s)),),
     )
     return Monitor(made) if said.monitor else made
 

@@ -14,6 +14,7 @@ from testbed.measures.between_samples import ArcApproach, Bends
 from testbed.measures.declared_barrier import DeclaredBarrier
 from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.extreme import Extreme
+from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.saturation import Saturation
 
@@ -50,6 +51,7 @@ class RunStatistics:
     declared    the rows that such a filter declares; None if it declares none
     own         the barrier that such a filter declares; None if it declares none
     arcs        closest approaches of unicycles, whose motion between samples is known; else None
+    fences      how near vehicles came to their fences; None without fences
     bends       how paths bend between samples
     """
 
@@ -60,6 +62,7 @@ class RunStatistics:
     declared: DeclaredRows | None = None
     own: DeclaredBarrier | None = None
     arcs: ArcApproach | None = None
+    fences: FenceStatistics | None = None
     bends: Bends = field(init=False)
     separation: Extreme = field(init=False)
     between: Extreme = field(init=False)

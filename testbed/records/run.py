@@ -69,6 +69,14 @@ PAIR_COLUMNS: dict[str, tuple[str, str]] = {
     "residual_zeta_mps": ("m/s", "the part of the climb rates' errors"),
     "residual_course_mps": ("m/s", "the part of courses turning otherwise than headings"),
 }
+# One row per recorded time, fence and vehicle that it is for; only in runs with fences.
+FENCE_COLUMNS: dict[str, tuple[str, str]] = {
+    "t_s": ("s", "time since the start"),
+    "fence": ("", "fence, counted from 1"),
+    "vehicle": ("", "vehicle, counted from 1"),
+    "clearance_m": ("m", "signed distance to the fence less its margin; negative on its wrong side"),
+    "h_m": ("m", "the fence's unmodified barrier at the true state"),
+}
 
 # Only in runs whose filter is a user's own and declares a barrier.
 DECLARED_COLUMNS: dict[str, tuple[str, str]] = {
@@ -78,6 +86,11 @@ DECLARED_COLUMNS: dict[str, tuple[str, str]] = {
 
 # Of PAIR_COLUMNS, the ones that only the motion after the instant tells; nan at the last one.
 REALISED_COLUMNS = [name for name in PAIR_COLUMNS if name.startswith(("hdot_realised", "residual"))]
+
+
+# Rows of a table that are handed to the sink at a time: some megabytes. Until then each step's rows are kept
+# as they come; a vehicle's row has many columns, so fewer of them make a block.
+BLOCK_ROWS = {"vehicles": 16_384, "pairs": 65_536, "fences": 65_536}
 
 
 class Sink(Protocol):
@@ -90,7 +103,7 @@ class MemorySink:
     """Keeps blocks in memory."""
 
     def __init__(self) -> None:
-        self.blocks: dict[str, list[Columns]] = {"vehicles": [], "pairs": []}
+        self.blocks: dict[str, list[Columns]] = {table: [] for table in BLOCK_ROWS}
 
     def write(self, table: str, columns: Columns) -> None:
         self.blocks[table].append(columns)
@@ -99,12 +112,8 @@ class MemorySink:
         return {
             name: {c: np.concatenate([b[c] for b in blocks]) for c in blocks[0]} if blocks else {}
             for name, blocks in self.blocks.items()
+            if blocks or name != "fences"
         }
-
-
-# Rows of a table that are handed to the sink at a time: some megabytes. Until then each step's rows are kept
-# as they come; a vehicle's row has many columns, so fewer of them make a block.
-BLOCK_ROWS = {"vehicles": 16_384, "pairs": 65_536}
 
 
 class RowWriter:
@@ -112,8 +121,8 @@ class RowWriter:
 
     def __init__(self, sink: Sink) -> None:
         self.sink = sink
-        self._rows: dict[str, list[Columns]] = {"vehicles": [], "pairs": []}
-        self._count = {"vehicles": 0, "pairs": 0}
+        self._rows: dict[str, list[Columns]] = {table: [] for table in BLOCK_ROWS}
+        self._count = dict.fromkeys(BLOCK_ROWS, 0)
 
     def add(self, table: str, columns: Columns) -> None:
         self._rows[table].append(columns)
@@ -163,8 +172,9 @@ class Run:
         if self.tables.get(name):
             return pd.DataFrame(self.tables[name])
         if self.reader is None or f"{name}.parquet" not in self.manifest.get("files", {}):
-            # A run of one vehicle has no pairs, and no table of them.
-            return pd.DataFrame(columns=list(PAIR_COLUMNS), dtype=float)
+            # A run of one vehicle has no pairs, and no table of them; one without fences none of fences.
+            columns = FENCE_COLUMNS if name == "fences" else PAIR_COLUMNS
+            return pd.DataFrame(columns=list(columns), dtype=float)
         return self.reader(name)
 
     @cached_property
@@ -176,6 +186,11 @@ class Run:
     def pairs(self) -> pd.DataFrame:
         """One row per recorded time and pair; columns in PAIR_COLUMNS and DECLARED_COLUMNS."""
         return self._frame("pairs")
+
+    @cached_property
+    def fences(self) -> pd.DataFrame:
+        """One row per recorded time, fence and vehicle; columns in FENCE_COLUMNS."""
+        return self._frame("fences")
 
     @property
     def scorecard(self) -> pd.DataFrame:

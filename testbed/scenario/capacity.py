@@ -47,8 +47,9 @@ def check_in_memory(s: Contents) -> None:
 
 
 def records(s: Contents) -> int:
-    """Rows of both tables."""
-    return (s.filter_steps // s.rates.record_steps + 1) * (s.vehicles * (s.vehicles + 1) // 2)
+    """Rows of all tables."""
+    fenced = sum(len(fence.vehicles) or s.vehicles for fence in s.fence)
+    return (s.filter_steps // s.rates.record_steps + 1) * (s.vehicles * (s.vehicles + 1) // 2 + fenced)
 
 
 def _refuse(needed: float, what: str, remedy: str) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from aircraft.airframes.schema import Airframe
 from aircraft.plant import Plant
 from aircraft.replay import Replay
+from filters.barriers.fences.fences import Fences
 from filters.barriers.pairs import Barrier, all_pairs
 from filters.constraints import Constraints
 from filters.filter import Choose, declaration
@@ -20,6 +21,7 @@ from testbed.components.border.contract import Breach
 from testbed.components.border.making import Maker
 from testbed.components.border.others import OwnFilter
 from testbed.components.components import Parts
+from testbed.components.fences import check_start, fences
 from testbed.components.guidance import Guidance
 from testbed.components.initial_conditions import generators, places
 from testbed.components.provenance import Origin
@@ -36,6 +38,7 @@ class Setting:
     start, goal   (N,) and (N, 3) m
     i, j          (P,) vehicles of each pair, from 0
     started_safe  whether h >= 0 for all pairs at t = 0
+    fences, started_in_fences  None without fences; whether h >= 0 for all of them at t = 0
     """
 
     scenario: Scenario
@@ -47,20 +50,25 @@ class Setting:
     i: np.ndarray
     j: np.ndarray
     started_safe: bool
+    fences: Fences | None = None
+    started_in_fences: bool = True
 
 
 def set_up(s: Scenario, force: bool) -> Setting:
     """Start, goals, limits and barrier of `s`.
 
     force   accept a start outside the safe set
-    Raises  UserError for a start outside the safe set, two vehicles at one place, or a barrier that is none.
+    Raises  UserError for a start outside the safe set (of a pair or a fence), two vehicles at one place, or a
+            barrier that is none.
     """
     rngs = generators(s.seed)
     start, goal = places(s, rngs["start"])
     barrier = catalogue.barrier(s)
     i, j = all_pairs(s.vehicles)
     safe = _check_start(barrier, start, i, j, force)
-    return Setting(s, rngs, start, goal, catalogue.limits(s), barrier, i, j, safe)
+    made = fences(s, barrier)
+    inside = made is None or check_start(made, start, force)
+    return Setting(s, rngs, start, goal, catalogue.limits(s), barrier, i, j, safe, made, inside)
 
 
 @dataclass(frozen=True, eq=False)

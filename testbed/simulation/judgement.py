@@ -12,6 +12,7 @@ from aircraft.replay import Replay
 from filters.filter import declaration
 from filters.model import Array, State
 from testbed.claims import guarantees, judging, manoeuvre, own_filter, registry
+from testbed.claims.fences import fence_claims
 from testbed.claims.flyable import unflyable
 from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
@@ -48,11 +49,12 @@ def judge(
     straight = np.linalg.norm(setting.goal - start, axis=-1)
     aircraft = made.aircraft if made else ()
     alone = _solo_time(setting, made) if made else None
-    flown = guarantees.Flown(s, statistics, setting.i, setting.j, setting.started_safe, end, straight, alone)
+    pairs, safe = (setting.i, setting.j), (setting.started_safe, setting.started_in_fences)
+    flown = guarantees.Flown(s, statistics, *pairs, safe[0], end, straight, alone, safe[1])
     # What a user's plant can fly steadily is unknown: that is no pass.
     unknown = [f"unknown whether {own['plant'].name} can fly it"] if "plant" in own else []
     verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, aircraft))
-    verdicts += guarantees.judge(flown)
+    verdicts += guarantees.judge(flown) + fence_claims(flown)
     if made and made.replay and statistics.near_misses and end is None:
         statistics.near_misses.close()
         try:

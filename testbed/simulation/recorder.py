@@ -11,6 +11,7 @@ from filters.constraints import dot
 from filters.model import Array, Command, Limits, State
 from filters.qp.single import Status
 from testbed.measures import hdot_ledger
+from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.run_statistics import RunStatistics
 from testbed.records.run import DECLARED_COLUMNS, REALISED_COLUMNS, WIND_COLUMNS, Columns, RowWriter
 from testbed.simulation.step_buffer import StepBuffer
@@ -55,6 +56,8 @@ class Recorder:
             s.t[new], self.dt, s.command[new], s.wanted[new], s.rates[new], s.override[new], self.limits
         )
         inside = np.asarray((s.h[new] >= 0.0).all(axis=-1))
+        if self.statistics.fences is not None:
+            inside &= self._look_at_fences(self.statistics.fences, new)
         self.statistics.solved(s.t[new], s.status[new], s.residual[new], inside)
         if s.i.size:
             self._look_at_pairs(new)
@@ -64,6 +67,8 @@ class Recorder:
             t = s.t[moved, None] + self._offsets
             flown = State.of(s.truth[moved]), Command.of(s.command[moved])
             self.statistics.positions(t.ravel(), s.track[: t.size], s.periods, flown)
+            if self.statistics.fences is not None:
+                self.statistics.fences.positions(t.ravel(), s.track[: t.size], flown[1])
         s.keep_last()
 
     def close(self) -> None:
@@ -72,6 +77,8 @@ class Recorder:
         s = self.buffer
         if not s.count:
             self.rows.add("vehicles", self._vehicle_rows(np.zeros(0, dtype=int)))
+            if self.statistics.fences is not None:
+                self._look_at_fences(self.statistics.fences, slice(0, 0))
             last, lie = np.zeros(0, dtype=int), np.zeros((2, 3, 0, s.i.size))
         elif s.recorded[0]:
             last, lie = np.zeros(1, dtype=int), s.lie()
@@ -103,6 +110,25 @@ class Recorder:
         if led.size:
             residuals = {"hdot_realised_mps": realised[led].ravel()} | self._residuals(led, lie)
             self.rows.add("pairs", self._pair_rows(led, lie) | residuals)
+
+    def _look_at_fences(self, fences: FenceStatistics, new: slice) -> np.ndarray:
+        """Count and record h and clearance of fences at new steps; whether (S,) all h >= 0."""
+        s = self.buffer
+        h = fences.state(s.t[new], State.of(s.truth[new]))
+        recorded = np.flatnonzero(s.recorded[new])
+        if recorded.size or not s.count:
+            position, of = s.truth[new][recorded][..., [0, 1, 3]], fences.fences
+            self.rows.add(
+                "fences",
+                {
+                    "t_s": np.repeat(s.t[new][recorded], of.fence.size),
+                    "fence": np.tile((of.fence + 1).astype(np.int32), recorded.size),
+                    "vehicle": np.tile((of.vehicle + 1).astype(np.int32), recorded.size),
+                    "clearance_m": of.clearance(position).ravel(),
+                    "h_m": h[recorded].ravel(),
+                },
+            )
+        return np.asarray((h >= 0.0).all(axis=-1))
 
     def _solved_rows(self, new: slice) -> Array:
         """L_g h u + alpha(h) of the filter's own rows (S, P); inf where one of the QPs was not solved."""

@@ -18,6 +18,7 @@ from testbed.components.provenance import Origin
 from testbed.measures.between_samples import ArcApproach
 from testbed.measures.declared_barrier import DeclaredBarrier
 from testbed.measures.declared_rows import DeclaredRows
+from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.saturation import Saturation
@@ -83,8 +84,12 @@ class Session:
         made = self._made
         near_misses = NearMisses(setting.i.size, s.d_safe_m) if made and made.replay else None
         arcs = ArcApproach(setting.i, setting.j, s.d_safe_m) if made and made.arcs else None
+        fenced = None
+        if setting.fences is not None:
+            steps = s.rates.fdm_steps, s.rates.fdm_dt_s
+            fenced = FenceStatistics(setting.fences, setting.start, bool(made and made.arcs), *steps)
         surfaces = Saturation(made.aircraft if made else ())
-        self._statistics = RunStatistics(s.vehicles, surfaces, near_misses, arcs=arcs)
+        self._statistics = RunStatistics(s.vehicles, surfaces, near_misses, arcs=arcs, fences=fenced)
         if made and isinstance(made.filter, OwnFilter):
             self._statistics.foreign = True
             self._statistics.declared = DeclaredRows(setting.limits) if made.filter.declares else None

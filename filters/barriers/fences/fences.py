@@ -157,6 +157,18 @@ class Fences:
             out[..., group.columns] = group.shape.clearance(place[..., who], height[..., who])
         return out
 
+    def between(self, first: Array, last: Array, ends: Array) -> Array:
+        """Smallest clearances (..., K) m on straight lines between positions (..., N, 3).
+
+        ends  (2, ..., K) m, the clearances of both; where both are negative the smaller one counts
+        """
+        a, b = (p[..., 0] + 1j * p[..., 1] for p in (first, last))
+        out = np.empty(ends.shape[1:])
+        for group in self._groups:
+            who, columns = group.vehicles, group.columns
+            out[..., columns] = group.shape.between(a[..., who], b[..., who], ends[..., columns])
+        return out
+
     def _check(self, k: int, fence: Fence, vehicles: Indices, turning: bool) -> None:
         climbs = vehicles[self.gamma.zeta[vehicles] != 0]
         if isinstance(fence.shape, Heights) and climbs.size:

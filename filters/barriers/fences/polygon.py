@@ -73,6 +73,17 @@ class Polygon:
         at = first.real + (y - first.imag) / rise * (then.real - first.real)
         return np.asarray((crosses & (x < at)).sum(axis=-1) % 2 == 1)
 
+    def crossed(self, first: Complex, last: Complex) -> NDArray[np.bool_]:
+        """Whether straight lines (...) between points cross an edge."""
+
+        def left_of(origin: Complex, ahead: Complex, point: Complex) -> Array:
+            return np.asarray(((point - origin) * ahead.conj()).imag)
+
+        a, b, here, there = self.points, np.roll(self.points, -1), first[..., None], last[..., None]
+        apart = left_of(a, self.along, here) * left_of(a, self.along, there) < 0
+        astride = left_of(here, there - here, a) * left_of(here, there - here, b) < 0
+        return np.asarray((apart & astride).any(axis=-1))
+
     def signed(self, point: Complex, inside: bool) -> tuple[Array, Complex]:
         """Distances (..., M) to each edge and their gradients, > 0 on the side that is allowed.
 

@@ -43,6 +43,13 @@ class Shape(Protocol):
         """Signed distance (...) m of positions to the fence less its margin; < 0 is where none may be."""
         ...
 
+    def between(self, first: Complex, last: Complex, ends: Array) -> Array:
+        """The smallest clearance (...) on straight lines between positions whose own are `ends` (2, ...).
+
+        Where both ends are on the wrong side it is that of the worse end.
+        """
+        ...
+
     def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
         """The smallest clearance on circles (...) of radius > 0, flown at `height`."""
         ...
@@ -84,6 +91,16 @@ class Area:
         distance = self.polygon.edges(point)[0].min(axis=-1)
         allowed = self.polygon.contains(point) == self.inside
         return np.asarray(np.where(allowed, distance, -distance) - self.margin)
+
+    def between(self, first: Complex, last: Complex, ends: Array) -> Array:
+        """As `Shape.between`: a line that crosses the boundary twice comes down to 0, less the margin."""
+        least, move = np.asarray(ends.min(axis=0)), (last - first)[..., None]
+        corner = self.polygon.points - first[..., None]
+        length = np.maximum(np.abs(move), 1e-300)
+        along = np.clip((corner * move.conj()).real / length**2, 0.0, 1.0)
+        passed = np.abs(corner - along * move).min(axis=-1)
+        passed = np.where(self.polygon.crossed(first, last), 0.0, passed)
+        return np.asarray(np.minimum(least, passed - self.margin))
 
     def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
         """As `Shape.of_circle`."""
@@ -130,6 +147,12 @@ class Disc:
     def clearance(self, point: Complex, height: Array) -> Array:
         """As `Shape.clearance`."""
         return np.abs(point - self.centre) - (self.radius + self.margin)
+
+    def between(self, first: Complex, last: Complex, ends: Array) -> Array:
+        """As `Shape.between`."""
+        move, offset = last - first, self.centre - first
+        along = (offset * move.conj()).real / np.maximum(np.abs(move) ** 2, 1e-300)
+        return self.clearance(first + np.clip(along, 0.0, 1.0) * move, ends[0])
 
     def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
         """As `Shape.of_circle`."""
@@ -184,6 +207,10 @@ class Heights:
     def clearance(self, point: Complex, height: Array) -> Array:
         """As `Shape.clearance`."""
         return np.minimum(height - self.floor, self.ceiling - height) - self.margin
+
+    def between(self, first: Complex, last: Complex, ends: Array) -> Array:
+        """As `Shape.between`: at one of the ends, since height changes evenly."""
+        return np.asarray(ends.min(axis=0))
 
     def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
         """As `Shape.of_circle`."""
