@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import stat
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -102,10 +102,10 @@ def line_of(text: str, path: Sequence[str | int]) -> int | None:
     for number, line in enumerate(text.splitlines(), 1):
         line = line.strip()
         if header := _HEADER.match(line):
-            table = keys = _keys(header[2])
+            keys = _keys(header[2])
             if header[1]:
                 counts[keys] = counts.get(keys, -1) + 1
-                table = (*keys, counts[keys])
+            table = _counted(keys, counts)
             if table == tuple(path):
                 return number
         elif key := _KEY.match(line):
@@ -113,6 +113,16 @@ def line_of(text: str, path: Sequence[str | int]) -> int | None:
             if tuple(path[: len(said)]) == said:
                 return number
     return None
+
+
+def _counted(keys: tuple[str, ...], counts: Mapping[tuple[str, ...], int]) -> tuple[str | int, ...]:
+    """The path of a table's header: behind a list of tables comes the place of its last one so far."""
+    path: list[str | int] = []
+    for k, key in enumerate(keys, 1):
+        path.append(key)
+        if keys[:k] in counts:
+            path.append(counts[keys[:k]])
+    return tuple(path)
 
 
 def _keys(dotted: str) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.components import catalogue
+from testbed.scenario import fleet
 from testbed.scenario.location import identity, path_of
 from testbed.scenario.scenario import Scenario, parse
 
@@ -65,7 +66,7 @@ class AirframeHashes:
 
     def of(self, s: Scenario) -> dict[str, str]:
         """Airframe -> SHA-256 of its files and gains; empty where no airframe is used."""
-        decides = [s.plant, s.lags.source, s.remedy.predict_lags, s.vehicles, *s.airframes]
+        decides = [s.plant, s.lags.source, s.remedy.predict_lags, s.vehicles, *fleet.named_airframes(s)]
         key = json.dumps(decides)
         if key not in self.known:
             self.known[key] = catalogue.airframe_hashes(s) if self._from_files else {}

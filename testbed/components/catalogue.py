@@ -30,6 +30,7 @@ from testbed.components.guidance import Constant, Guidance, NearIdentity
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario import barrier as scenario_barrier
+from testbed.scenario import fleet
 from testbed.scenario import guidance as scenario_guidance
 from testbed.scenario.location import path_of, relative
 from testbed.scenario.scenario import Scenario
@@ -42,9 +43,13 @@ PACKAGES = ("jsbsim", "daqp", "osqp", "numpy", "scipy", "pandas", "pyarrow")
 
 def limits(s: Scenario) -> Limits:
     """The input set U of every vehicle."""
-    box = s.limits
-    values = (box.v_min_mps, box.v_max_mps, np.radians(box.omega_max_degps), box.zeta_max_mps)
-    return Limits(*(np.full(s.vehicles, v) for v in values))
+    boxes = fleet.limits(s)
+    return Limits(
+        np.array([box.v_min_mps for box in boxes]),
+        np.array([box.v_max_mps for box in boxes]),
+        np.radians([box.omega_max_degps for box in boxes]),
+        np.array([box.zeta_max_mps for box in boxes]),
+    )
 
 
 def _turn(b: scenario_barrier.Turn, s: Scenario) -> Barrier:
@@ -104,7 +109,8 @@ def barrier(s: Scenario) -> Barrier:
     Raises UserError where the manoeuvre gives no barrier, such as two equal straight speeds.
     """
     try:
-        return BARRIERS[type(s.barrier)](s.barrier, s)
+        table = fleet.barrier(s)
+        return BARRIERS[type(table)](table, s)
     except ValueError as error:
         raise UserError(f"barrier: {error}") from None
 
@@ -241,19 +247,25 @@ def lags(s: Scenario) -> list[tuple[Lag, ...]]:
 
 
 def airframes(s: Scenario) -> list[Any]:
-    from aircraft.airframe import load
-
-    try:
-        known = {name: load(path_of(name, s.airframes_folder)) for name in sorted(set(s.airframes))}
-    except (FileNotFoundError, ValueError) as error:
-        hint = "; a relative folder starts beside the scenario file, or where the command is given"
-        missing = isinstance(error, FileNotFoundError) and any(relative(s.airframes))
-        raise UserError(f"airframes: {error}{hint if missing else ''}") from None
+    known = {name: _airframe(s, name) for name in sorted(set(fleet.named_airframes(s)))}
     # Tables, recordings and hashes tell airframes apart by name.
     for (one, a), (other, b) in itertools.combinations(known.items(), 2):
         if a.name == b.name and (a.folder, a.gains) != (b.folder, b.gains):
             raise UserError(f"airframes: {one} and {other} are both called {a.name}; rename one in its files")
-    return [known[s.airframes[i % len(s.airframes)]] for i in range(s.vehicles)]
+    return [known[name] for name in fleet.airframes(s)]
+
+
+def _airframe(s: Scenario, name: str) -> Any:
+    from aircraft.airframe import load
+
+    try:
+        return load(path_of(name, s.airframes_folder))
+    except (FileNotFoundError, ValueError) as error:
+        hint = "; a relative folder starts beside the scenario file, or where the command is given"
+        missing = isinstance(error, FileNotFoundError) and any(relative([name]))
+        own = (f"vehicle.{k}.airframe" for k, v in enumerate(s.vehicle, 1) if v.airframe == name)
+        where = "airframes" if name in s.airframes else next(own)
+        raise UserError(f"{where}: {error}{hint if missing else ''}") from None
 
 
 def airframe_hashes(s: Scenario, loaded: Sequence[Any] = ()) -> dict[str, str]:

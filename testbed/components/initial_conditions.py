@@ -40,6 +40,8 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
         x, y, z = (np.array([getattr(q, name) for q in p]) for name in ("x_m", "y_m", "z_m"))
         theta = np.radians([q.course_deg for q in p])
         goal = np.array([[q.goal_x_m, q.goal_y_m, q.goal_z_m] for q in p])
+    if scenario.vehicle:
+        x, y, theta, z, goal = _own_places(scenario, x, y, theta, z, goal)
     if start.round_decimals is not None:
         x, y = np.round(x, start.round_decimals), np.round(y, start.round_decimals)
         theta = np.radians(np.round(np.degrees(theta), start.round_decimals))
@@ -51,6 +53,21 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
     )
     up = height * start.height_perturbation_m + _each(start.height_offsets_m, n)
     return State(x, y, theta + turned, z + up), goal
+
+
+def _own_places(
+    scenario: Scenario, x: Array, y: Array, theta: Array, z: Array, goal: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Places and goals with those that vehicles have of their own; who says x and no height is at 0."""
+    x, y, theta, z, goal = (a.copy() for a in (x, y, theta, z, goal))
+    for k, v in enumerate(scenario.vehicle):
+        if v.x_m is not None and v.y_m is not None and v.course_deg is not None:
+            x[k], y[k], theta[k], z[k] = v.x_m, v.y_m, np.radians(v.course_deg), 0.0
+        if v.goal_x_m is not None and v.goal_y_m is not None:
+            goal[k] = v.goal_x_m, v.goal_y_m, 0.0
+        z[k] = z[k] if v.z_m is None else v.z_m
+        goal[k, 2] = goal[k, 2] if v.goal_z_m is None else v.goal_z_m
+    return x, y, theta, z, goal
 
 
 def _each(offsets: list[float], n: int) -> Array:

@@ -18,6 +18,7 @@ from filters.wrappers.air_mass import AirMass
 from filters.wrappers.pose_prediction import Horizon, LaggedPose, Predicted
 from filters.wrappers.row_margins import BoundedError, InputToState, Sum
 from testbed.errors import UserError
+from testbed.scenario import fleet
 from testbed.scenario.barrier import Euclidean, Manoeuvre, Pair, PairTurns, Rollout, Straight, Turn
 from testbed.scenario.nonideal import TableLags
 from testbed.scenario.remedy import Remedy
@@ -28,7 +29,7 @@ Moved = TypeVar("Moved", Manoeuvre, Pair)
 
 def scenario(s: Scenario) -> Scenario:
     """The scenario that the filter's barrier is built from; `s` itself if no remedy changes it."""
-    r, b = s.remedy, s.barrier
+    r, b = s.remedy, fleet.barrier(s)
     if not (r.ds_buffer_m or r.smoothing_m2 or r.derate != 1.0 or r.derate_speed != 1.0):
         return s
     changes: dict[str, Any]
@@ -43,9 +44,10 @@ def scenario(s: Scenario) -> Scenario:
             changes = {"v_mps": b.v_mps * r.derate_speed, "omega_degps": b.omega_degps * r.derate}
     if r.smoothing_m2:
         changes |= {"smoothing_m2": r.smoothing_m2, "delta_m2": 0.0}
-    return s.model_copy(
-        update={"d_safe_m": s.d_safe_m + r.ds_buffer_m, "barrier": b.model_copy(update=changes)}
-    )
+    update: dict[str, Any] = {"d_safe_m": s.d_safe_m + r.ds_buffer_m, "barrier": b.model_copy(update=changes)}
+    if b is not s.barrier:  # the vehicles' own manoeuvres stand in it now
+        update["vehicle"] = [v.model_copy(update={"manoeuvre": None}) for v in s.vehicle]
+    return s.model_copy(update=update)
 
 
 def _derated(m: Moved, r: Remedy) -> Moved:
@@ -83,10 +85,10 @@ def wrap(
         made = Predicted(made, Horizon(r.prediction_s))
     if r.air_mass:
         speed, towards = s.wind.speed_mps, radians(s.wind.towards_deg)
-        if speed >= s.limits.v_min_mps:
+        slowest = min(box.v_min_mps for box in fleet.limits(s))
+        if speed >= slowest:
             raise UserError(
-                f"remedy.air_mass: a wind of {speed:g} m/s is not slower than"
-                f" limits.v_min_mps {s.limits.v_min_mps:g}"
+                f"remedy.air_mass: a wind of {speed:g} m/s is not slower than limits.v_min_mps {slowest:g}"
             )
         made = AirMass(made, speed * np.array([math.cos(towards), math.sin(towards)]))
     return made

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from testbed.scenario.barrier import BARRIERS, Barrier, Turn
 from testbed.scenario.control import (
@@ -23,6 +23,7 @@ from testbed.scenario.nonideal import LAGS, AirframeLags, Gusts, Lags, Network, 
 from testbed.scenario.remedy import Remedy
 from testbed.scenario.start import STARTS, Circle, Start
 from testbed.scenario.tables import Checks, InputSet, Navigation, Rates
+from testbed.scenario.vehicle import Intruders, Vehicle
 
 SCHEMA_VERSION: Literal[2] = 2
 
@@ -40,7 +41,7 @@ KINDS: dict[str, Kinds] = {
 LISTED_KINDS: dict[str, Kinds] = {"fence": FENCES}
 # Tables that plain data leave out while they are at their defaults: scenarios without them keep the names
 # that their runs had before there were such tables.
-ABSENT_BY_DEFAULT = ("fence",)
+ABSENT_BY_DEFAULT = ("fence", "vehicle", "intruders")
 
 
 class Contents(Section):
@@ -51,7 +52,9 @@ class Contents(Section):
     description: Annotated[str, Field(max_length=2000)] = Field(
         default="", description="a sentence for people"
     )
-    vehicles: Annotated[int, Field(ge=1, le=1000)] = Field(description="how many; counted from 1")
+    vehicles: Annotated[int, Field(ge=1, le=1000)] = Field(
+        description="how many; counted from 1; with [[vehicle]] tables their number, and then not needed"
+    )
     duration_s: Annotated[float, Field(ge=0, le=86400)] = Field(
         default=20.0, description="flown time; a multiple of the filter period"
     )
@@ -86,6 +89,26 @@ class Contents(Section):
     sensing: Sensing = Sensing()
     network: Network = Network()
     fence: list[Fence] = Field(default=[], max_length=100, description="areas to stay in or out of")
+    vehicle: list[Vehicle] = Field(default=[], max_length=1000, description="vehicles one by one")
+    intruders: Intruders = Intruders()
+
+    @model_validator(mode="before")
+    @classmethod
+    def counted(cls, data: Any) -> Any:
+        """With the number of vehicles that the tables have, and the kind of guidance that they leave out."""
+        said = data.get("vehicle") if isinstance(data, dict) else None
+        if not isinstance(said, list) or not said:
+            return data
+        made = {"vehicles": len(said)} | data
+        key, own = GUIDANCES.key, data.get("guidance")
+        if isinstance(own, dict) and isinstance(own.get(key), str):
+            made["vehicle"] = [
+                one | {"guidance": {key: own[key]} | one["guidance"]}
+                if isinstance(one, dict) and isinstance(one.get("guidance"), dict)
+                else one
+                for one in said
+            ]
+        return made
 
     @model_serializer(mode="wrap")
     def plain(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -33,6 +33,8 @@ def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> Mi
         where[1] += 1
     kinds, tag = known.get(str(where[0])) if where else None, ""
     inside = 2 if listed else 1  # where the path inside the table begins
+    if kinds is None and listed and len(where) > 2:  # a table in an entry of a list of tables
+        kinds, inside = known.get(str(where[2])), 3
     if kinds is not None and len(where) > inside and where[inside] in kinds.models:
         tag = str(where.pop(inside))
     *parents, last = where or [""]
@@ -48,10 +50,19 @@ def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> Mi
         return _unknown_kind(path, kinds, error["input"])
     message = error["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
+    if not where:
+        return _of_whole(message, model)
     if error["type"] == "list_type":
         message = f"write a list, such as {path}=[{short(repr(error['input']))}]"
     got = f", got {short(repr(error['input']))}" if path and not isinstance(error["input"], dict) else ""
     return Mistake(message + got, path)
+
+
+def _of_whole(message: str, model: type[Section]) -> Mistake:
+    """What a check of the whole scenario found; it begins with the field, where it is about one."""
+    field, colon, said = message.partition(": ")
+    known = colon and field.split(".")[0] in model.model_fields and " " not in field
+    return Mistake(said, field) if known else Mistake(message)
 
 
 def _unknown_kind(path: str, kinds: Kinds, data: Any) -> Mistake:

@@ -29,6 +29,7 @@ Speed = Annotated[float, Field(ge=0.01, le=1000)]
 SpeedRatio = Annotated[float, Field(ge=1e-3, le=1e3)]
 ClimbRate = Annotated[float, Field(ge=-1000, le=1000)]
 TurnRate = Annotated[float, Field(ge=-360, le=360), AfterValidator(in_degrees)]
+TurnLimit = Annotated[float, Field(ge=0, le=360), AfterValidator(in_degrees)]
 
 
 def _folder_name(name: str) -> str:

@@ -39,6 +39,10 @@ class Kinds:
                 return tag
         return said
 
+    def fields(self) -> list[str]:
+        """The fields of all kinds."""
+        return list(dict.fromkeys(name for model in self.models.values() for name in model.model_fields))
+
     def takers(self, name: str) -> list[str]:
         """Tags of the kinds that take a field."""
         return [tag for tag, model in self.models.items() if name in model.model_fields]

@@ -20,12 +20,19 @@ def placed(data: Mapping[str, Any], *homes: Path) -> dict[str, Any]:
     if isinstance(said, str) and said:
         made[FIELD] = (homes[0].absolute() / said).resolve().as_posix()
         return made
-    names = list(relative(data.get("airframes", [])))
+    names = list(relative(_named(data)))
     for home in homes:
         if any((home / name).exists() for name in names):
             made[FIELD] = home.resolve().as_posix()
             return made
     return made
+
+
+def _named(data: Mapping[str, Any]) -> list[Any]:
+    """What the scenario lists, and what its vehicles name."""
+    listed, tables = data.get("airframes", []), data.get("vehicle", [])
+    own = [v.get("airframe") for v in tables if isinstance(v, dict)] if isinstance(tables, list) else []
+    return [*(listed if isinstance(listed, list) else []), *own]
 
 
 def relative(airframes: Any) -> Iterable[str]:

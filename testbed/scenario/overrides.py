@@ -10,8 +10,8 @@ from testbed.errors import UserError, nearest, short
 from testbed.scenario.spelling import table_of, today
 
 Path = tuple[str, ...]
-# Lists of tables whose entries a message names by their numbers, from 1: fence.2.radius_m.
-NUMBERED = ("fence",)
+# Lists of tables whose entries paths and messages name by their numbers, from 1: vehicle.2.speed_mps.
+NUMBERED = ("fence", "vehicle")
 
 
 def meanings(tables: Mapping[str, Iterable[str]]) -> dict[str, list[Path]]:
@@ -34,6 +34,9 @@ def meanings(tables: Mapping[str, Iterable[str]]) -> dict[str, list[Path]]:
 
 def resolve(name: str, paths: Mapping[str, list[Path]], where: str = "") -> Path:
     """The path that a field's whole or last name means; UserError, begun by `where`, if there is none."""
+    list_, _, rest = name.partition(".")
+    if list_ in NUMBERED and rest:
+        return _of_numbered(list_, rest, paths, where)
     found = paths.get(name)
     if found is None:
         raise UserError(f"{where}{short(name)}: unknown field; {nearest(name, paths)}")
@@ -42,6 +45,18 @@ def resolve(name: str, paths: Mapping[str, list[Path]], where: str = "") -> Path
     if sum(len(p) == len(path) for p in found) > 1:
         raise UserError(f"{where}{name}: could be " + " or ".join(".".join(p) for p in found))
     return path
+
+
+def _of_numbered(name: str, rest: str, paths: Mapping[str, list[Path]], where: str) -> Path:
+    """The path of `vehicle.NUMBER.FIELD`; the fields of the tables are known as `vehicle.*.FIELD`."""
+    number, _, field = rest.partition(".")
+    if not (number.isascii() and number.isdigit() and field):
+        said = short(f"{name}.{rest}")
+        raise UserError(f"{where}{said}: write {name}.NUMBER.FIELD, such as {name}.2.filter")
+    known = {path.removeprefix(f"{name}.*."): path for path in paths if path.startswith(f"{name}.*.")}
+    if field not in known:
+        raise UserError(f"{where}{short(f'{name}.{rest}')}: unknown field; {nearest(field, known)}")
+    return (name, number.lstrip("0") or "0", *field.split("."))
 
 
 def read_value(text: str) -> Any:
@@ -60,19 +75,30 @@ def assign(data: dict[str, Any], path: Path, value: Any) -> None:
     if len(path) == 1:
         value = table_of(path[0], value)
     target = data
-    for part in path[:-1]:
-        target = target.setdefault(part, {})
-        if not isinstance(target, dict):
+    for k, part in enumerate(path[:-1]):
+        if isinstance(target, list):
+            target = _numbered(target, path[:k], part)
+        else:
+            target = target.setdefault(part, [] if part in NUMBERED else {})
+        if not isinstance(target, dict | list):
             raise UserError(f"{part}: must be a table")
     target[path[-1]] = value
+
+
+def _numbered(tables: list[Any], where: Path, number: str) -> Any:
+    """The table of a list that has a number, from 1."""
+    if not 1 <= int(number) <= len(tables):
+        name, have = ".".join(where), f"{len(tables)} [[{'.'.join(where)}]] tables" if tables else "none"
+        raise UserError(f"{name}.{number}: there is no such table; the scenario has {have}")
+    return tables[int(number) - 1]
 
 
 def remove(data: dict[str, Any], path: str) -> None:
     """Leave out the field at a dotted path of a scenario's plain data."""
     *tables, leaf = path.split(".")
-    inner = data
+    inner: Any = data
     for table in tables:
-        inner = inner[table]
+        inner = inner[int(table) - 1] if isinstance(inner, list) else inner[table]
     del inner[leaf]
 
 

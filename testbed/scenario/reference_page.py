@@ -21,7 +21,33 @@ vehicles = 2
 
 `--set FIELD=VALUE` overrides a field of a file or of a built-in scenario (`testbed list`), by its dotted
 path or, where that is unambiguous, by its last part: `--set start.radius_m=100`, `--set radius_m=100`.
-Values are TOML, lists and tables included: `--set 'airframes=["x8", "rascal"]'`.
+Values are TOML, lists and tables included: `--set 'airframes=["x8", "rascal"]'`. A field of one vehicle's
+table is named with its number, counted from 1: `--set vehicle.2.speed_mps=20`.
+
+Vehicles that differ have a `[[vehicle]]` table each, in order; their number is then that of the tables. A
+table says what is particular to its vehicle, and the scenario's own tables say the rest:
+
+```toml
+name = "overtaking"
+
+[[vehicle]]
+x_m = -100
+y_m = 0
+course_deg = 0
+goal_x_m = 300
+goal_y_m = 0
+speed_mps = 24
+
+[[vehicle]]
+x_m = 0
+y_m = 0
+course_deg = 0
+goal_x_m = 300
+goal_y_m = 0
+speed_mps = 16
+[vehicle.limits]
+v_max_mps = 18
+```
 
 A field that would have no effect is refused, with what would take it: `sigma` on a straight barrier,
 airframes on unicycles, `monitor` where no QP is solved. A field at its default says nothing and is never
@@ -45,6 +71,11 @@ def markdown() -> str:
     own = {name: field for name, field in schema["properties"].items() if not tables[name]}
     parts.append(_table(own, schema.get("required", []), known))
     shown: list[str] = []
+    for name, field in own.items():
+        if (inner := _reference(field.get("items", {}))) in known:
+            shown.append(inner)
+            parts += [f"## `[[{name}]]`", *_one(known[inner], known)]
+            parts += _inner(name, known[inner], known)
     for name, models in tables.items():
         if not models:
             continue
@@ -69,6 +100,16 @@ def _models(name: str, field: dict[str, Any], known: dict[str, Any]) -> list[dic
 
 def _one(model: dict[str, Any], known: dict[str, Any]) -> list[str]:
     return [_sentence(model), _table(model["properties"], model.get("required", []), known)]
+
+
+def _inner(name: str, model: dict[str, Any], known: dict[str, Any]) -> Iterator[str]:
+    """The tables inside an entry of a list of tables, but those that have the kinds of a table above."""
+    for leaf, field in model["properties"].items():
+        options = [field, *field.get("anyOf", [])]
+        found = next((r for r in map(_reference, options) if r in known), "")
+        if found:
+            yield f"### `[{name}.{leaf}]`"
+            yield from _one(known[found], known)
 
 
 def _kinds(name: str, models: list[dict[str, Any]], known: dict[str, Any]) -> list[str]:
@@ -120,6 +161,8 @@ def _value(value: Any) -> str:
         return f"`{str(value).lower()}`"
     if isinstance(value, str):
         return f'`"{value}"`'
+    if isinstance(value, dict):
+        return "`{}`"
     if isinstance(value, list):
         return "`[" + ", ".join(_value(v).strip("`") for v in value) + "]`"
     return f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
@@ -127,6 +170,8 @@ def _value(value: Any) -> str:
 
 def _kind(field: dict[str, Any]) -> str:
     """Choices, or the type and its bounds."""
+    if _reference(field) or "oneOf" in field:
+        return "table"
     if "anyOf" in field:
         kinds = [_kind(k) for k in field["anyOf"] if k.get("type") != "null"]
         return " or ".join(dict.fromkeys(kinds))

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from testbed.scenario import fleet
 from testbed.scenario.contents import Contents
 from testbed.scenario.fields import Section
 
@@ -60,13 +61,70 @@ def _late(s: Contents) -> bool:
     return bool(s.network.loss or carried)
 
 
+def _every(s: Contents, field: str) -> bool:
+    """Whether every vehicle says a field of its table, such as "limits.v_min_mps", for itself."""
+    table, _, leaf = field.rpartition(".")
+    tables = [getattr(v, table) if table else v for v in s.vehicle]
+    return bool(tables) and all(getattr(one, leaf) is not None for one in tables)
+
+
+def _evade_alone(s: Contents) -> bool:
+    return any(v.manoeuvre for v in s.vehicle)
+
+
 def _windy(s: Contents) -> bool:
     return bool(s.wind.speed_mps)
 
 
+LIMITS = ("v_min_mps", "v_max_mps", "omega_max_degps", "zeta_max_mps")
+MANOEUVRE = ("kind", "v_mps", "omega_degps", "zeta_mps", "sigma", "speed_step", "manoeuvres")
+
 RULES = (
     Rule(
-        ("airframes", "airframes_folder"),
+        ("airframes",),
+        lambda s: not _every(s, "airframe"),
+        "every [[vehicle]] table names its own; leave it out",
+    ),
+    Rule(
+        ("start.pattern", "start.radius_m", "start.course_offset_deg", "start.places"),
+        lambda s: not (_every(s, "x_m") and _every(s, "goal_x_m")),
+        "every [[vehicle]] table has its own start and goal; leave it out",
+    ),
+    Rule(
+        ("start.heights_m",),
+        lambda s: not all(v.placed or v.z_m is not None for v in s.vehicle) or not s.vehicle,
+        "every [[vehicle]] table has its own start; leave it out",
+    ),
+    Rule(
+        ("start.speed_mps",),
+        lambda s: not _every(s, "speed_mps"),
+        "every [[vehicle]] table has its own speed; leave it out",
+    ),
+    *(
+        Rule(
+            (f"limits.{name}",),
+            lambda s, name=name: not _every(s, f"limits.{name}"),  # type: ignore[misc]
+            "every [vehicle.limits] table says it; leave it out",
+        )
+        for name in LIMITS
+    ),
+    Rule(
+        tuple(f"barrier.{name}" for name in MANOEUVRE),
+        lambda s: not _every(s, "manoeuvre"),
+        "every vehicle has a manoeuvre of its own; leave it out",
+    ),
+    Rule(
+        ("barrier.delta_m2", "barrier.smoothing_m2"),
+        lambda s: not _evade_alone(s),
+        "vehicles have manoeuvres of their own, and the rollout barrier rounds no kink; leave it out",
+    ),
+    Rule(
+        ("intruders.assume",),
+        lambda s: bool(fleet.intruders(s)) and _solves(s),
+        "no QP is solved beside an intruder; filter = false in a [[vehicle]] table makes one",
+    ),
+    Rule(
+        ("airframes", "airframes_folder", "vehicle.*.airframe"),
         _knows_airframes,
         "no airframe flies; plant = 'jsbsim' takes it, and plant = 'lagged' with lags.source = 'airframe'",
     ),
@@ -157,6 +215,9 @@ def idle(s: Contents) -> dict[str, str]:
 
 def _expand(s: Contents, field: str) -> Iterator[str]:
     table, _, leaf = field.partition(".")
+    if leaf.startswith("*."):
+        yield from (f"{table}.{k}{leaf[1:]}" for k in range(1, len(getattr(s, table)) + 1))
+        return
     if leaf != "*":
         yield field
         return
@@ -178,6 +239,6 @@ def _said(s: Contents, path: str) -> bool:
     here: Any = s
     *tables, leaf = path.split(".")
     for table in tables:
-        here = getattr(here, table)
+        here = here[int(table) - 1] if isinstance(here, list) else getattr(here, table)
     field = type(here).model_fields.get(leaf)
     return field is not None and getattr(here, leaf) != field.default

@@ -17,19 +17,22 @@ from typing import Any
 
 from pydantic import ValidationError, ValidationInfo, model_validator
 
-from aircraft.textfile import TextError, line_of, parse_toml, read_text
+from aircraft.textfile import TextError, parse_toml, read_text
 from testbed.errors import Mistake, NoteWarning, UserError, nearest, short
-from testbed.scenario import capacity
+from testbed.scenario import capacity, fleet
 from testbed.scenario.barrier import PairTurns
 from testbed.scenario.contents import KINDS, LISTED_KINDS, SCHEMA_VERSION, Contents
 from testbed.scenario.explain import explain
 from testbed.scenario.fence_rules import check_fences
 from testbed.scenario.fields import Section
+from testbed.scenario.fleet_rules import check_tables
+from testbed.scenario.lines import line_in
 from testbed.scenario.location import FIELD, placed
-from testbed.scenario.overrides import NUMBERED, assign, is_within, meanings, read_value, remove, resolve
+from testbed.scenario.overrides import assign, is_within, meanings, read_value, remove, resolve
 from testbed.scenario.relevance import idle
-from testbed.scenario.spelling import ALONE, FIELDS, TABLES, current, older
+from testbed.scenario.spelling import ALONE, FIELDS, TABLES, current
 from testbed.scenario.start import Places
+from testbed.scenario.vehicle import field_names
 
 # In pydantic's validation context: fields without effect are kept.
 KEEP_IDLE = "keep_idle"
@@ -40,7 +43,9 @@ class Scenario(Contents):
 
     @model_validator(mode="after")
     def consistent(self, info: ValidationInfo) -> Scenario:
-        start, barrier, n = self.start, self.barrier, self.vehicles
+        check_tables(self)
+        start, n = self.start, self.vehicles
+        barrier = fleet.barrier(self)
         if isinstance(start, Places) and len(start.places) != n:
             raise ValueError(f"start.places: {len(start.places)} places for {n} vehicles; list one each")
         for name in ("lateral_offsets_m", "heading_offsets_deg", "height_offsets_m"):
@@ -97,7 +102,7 @@ def load(source: str | Path, overrides: Sequence[str] | None = None) -> Scenario
     data = placed(data, *homes(where, asked))
 
     def line(field: str) -> int | None:
-        return None if is_within(field, asked) else _line(text, field)
+        return None if is_within(field, asked) else line_in(text, field)
 
     try:
         made, dropped = settled(data, where)
@@ -120,7 +125,8 @@ def homes(source: str, asked: Sequence[tuple[str, ...]] = ()) -> list[Path]:
     asked  paths of overrides: what the command line says starts from the working directory
     """
     here, beside = Path(), [] if source in builtin() else [Path(source).parent]
-    return [here, *beside] if is_within("airframes", asked) else [*beside, here]
+    own = any(path[0] == "vehicle" and path[-1] == "airframe" for path in asked)
+    return [here, *beside] if own or is_within("airframes", asked) else [*beside, here]
 
 
 def parse(data: dict[str, Any], where: str = "scenario", keep_idle: bool = False) -> Scenario:
@@ -195,23 +201,16 @@ def field_paths() -> dict[str, list[tuple[str, ...]]]:
         renamed = {new: leaf for leaf, new in FIELDS.get(table, {}).items()}
         found[old] = [(table,)]
         found |= {f"{old}.{renamed.get(f, f)}": [(table, f)] for f in _fields(table)}
+    listed = {name: kinds.fields() for name, kinds in LISTED_KINDS.items()} | {"vehicle": field_names()}
+    for name, fields in listed.items():
+        found |= {f"{name}.*.{leaf}": [(name, "*", leaf)] for leaf in fields}
     return found | {leaf: [path] for leaf, path in ALONE.items()}
-
-
-def _line(text: str, field: str) -> int | None:
-    """The line of a file that says a field; of one in a list of tables else that of the table."""
-    path = tuple(int(part) if part.isdigit() else part for part in field.split("."))
-    ways = [path, *older(path)]
-    if path[0] in NUMBERED and len(path) > 1 and isinstance(path[1], int):
-        path = (path[0], path[1] - 1, *path[2:])
-        ways = [path[:k] for k in range(len(path), 1, -1)]
-    return next((found for way in ways if (found := line_of(text, way))), None)
 
 
 def _fields(name: str) -> list[str]:
     """The fields of a table, of all its kinds; none for what is no table."""
     if name in KINDS:
-        return list(dict.fromkeys(f for model in KINDS[name].models.values() for f in model.model_fields))
+        return KINDS[name].fields()
     table = Scenario.model_fields[name].annotation
     return list(table.model_fields) if isinstance(table, type) and issubclass(table, Section) else []
 

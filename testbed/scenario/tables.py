@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from testbed.scenario.fields import NonNegative, Positive, Section, Speed, in_degrees
+from testbed.scenario.fields import NonNegative, Positive, Section, Speed, TurnLimit
 
 
 def _whole(name: str, period_s: float, unit_name: str, unit_s: float) -> None:
@@ -58,9 +58,7 @@ class InputSet(Section):
 
     v_min_mps: Speed = Field(default=15.0, description="least ground speed")
     v_max_mps: Speed = Field(default=25.0, description="largest ground speed")
-    omega_max_degps: Annotated[float, Field(ge=0, le=360), AfterValidator(in_degrees)] = Field(
-        default=13.0, description="largest turn rate, to either side"
-    )
+    omega_max_degps: TurnLimit = Field(default=13.0, description="largest turn rate, to either side")
     zeta_max_mps: Annotated[float, Field(ge=0, le=1000)] = Field(
         default=3.9, description="largest climb and sink rate"
     )

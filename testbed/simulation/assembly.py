@@ -28,6 +28,7 @@ from testbed.components.provenance import Origin
 from testbed.environment.environment import Environment
 from testbed.errors import UserError
 from testbed.measures.declared_barrier import at_one_step
+from testbed.scenario import fleet
 from testbed.scenario.scenario import Scenario
 
 
@@ -131,7 +132,7 @@ def put_together(setting: Setting, parts: Parts, own: dict[str, Origin]) -> Asse
     replay = Replay(make) if s.checks.manoeuvre_instants else None
     plant = replay or make()
     try:
-        plant.reset(setting.start, setting.rngs["plant"], wind, np.full(s.vehicles, s.start.speed_mps))
+        plant.reset(setting.start, setting.rngs["plant"], wind, np.array(fleet.speeds(s)))
     except RuntimeError as error:  # no steady flight at the start, in this wind
         raise UserError(f"start: {error}") from None
     aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in own else []
