@@ -82,14 +82,22 @@ class Fitted(_Strict):
 
 
 class Identified(_Strict):
-    """Channels identified on step responses, and where they come from."""
+    """Channels identified on step responses of the model or on a flight log, and where they come from."""
 
     command: str = Field("", description="remakes the channels")
     fingerprint: str | None = Field(None, description="of the gains and model they were made from")
     flown: list[Finite] = Field([], description="what the model flew then: see aircraft.autopilots.freshness")
+    log: str | None = Field(None, description="the flight log they were made from, in place of a model")
+    log_sha256: str | None = Field(None, description="of that log", pattern=r"^[0-9a-f]{64}$")
     v: Channel
     omega: Channel
     zeta: Channel
+
+    @model_validator(mode="after")
+    def of_one_source(self) -> Identified:
+        if (self.log is None) != (self.log_sha256 is None):
+            raise ValueError("log and log_sha256 stand together")
+        return self
 
 
 def property_name(name: str) -> str:

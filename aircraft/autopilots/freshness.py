@@ -7,6 +7,9 @@ gives the same numbers, they belong to it.
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
+
 import numpy as np
 
 from aircraft.airframes.provenance import FITTED, differs, fitted_fingerprint, identified_fingerprint
@@ -32,11 +35,17 @@ def flown(airframe: Airframe) -> list[float]:
 def stale_lags(airframe: Airframe) -> str | None:
     """Why the identified lags are not this aircraft's, and what remakes them; None if they are.
 
-    May fly the model for 3 s, in this process.
+    Lags from a flight log are of the aircraft that flew; where the log lies in the folder, its hash must be
+    theirs. May fly the model for 3 s, in this process.
     """
     known = airframe.identified
     if known is None:
         return None
+    if known.log is not None:
+        log = airframe.folder / Path(known.log).name
+        if not log.is_file() or hashlib.sha256(log.read_bytes()).hexdigest() == known.log_sha256:
+            return None
+        return f"[identified] was made from another {known.log}; run: {known.command}"
     remedy = f"run: testbed aircraft identify {airframe.argument}"
     if known.fingerprint is None:
         return f"[identified] does not say from which model and gains it was made; {remedy}"

@@ -1,0 +1,1 @@
+"""Reads flight logs, identifies the lags of the aircraft that flew, and flies its commands again."""
