@@ -99,6 +99,38 @@ def test_guidance_given_by_hand_flies_the_run() -> None:
     assert whole.vehicles[flown][:until].equals(given.vehicles[flown][:until])
 
 
+def test_commands_for_one_vehicle_leave_the_others_to_their_guidance() -> None:
+    """Guidance keeps its delay meanwhile: the others want what they want in a run that nobody touches."""
+    s = scenario("guidance.delay_steps=3", "start.radius_m=190", "vehicles=3")
+    session = testbed.assemble(s, force=True)
+    step, of = session.reset(), np.array([False, True, False])
+    while not step.done:
+        step = session.step(Command([0.0, 18.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.0]), of=of)
+    given, whole = session.judge().vehicles, testbed.run(s, force=True).vehicles
+    of_second = given.vehicle == 2
+    wanted = ["v_nominal_mps", "omega_nominal_radps", "zeta_nominal_mps"]
+    assert given[of_second][wanted].eq([18.0, 0.1, 0.0]).all(axis=None)
+    # 190 m apart the filter changes nobody's way.
+    assert given[~of_second][wanted].equals(whole[whole.vehicle != 2][wanted])
+
+
+@pytest.mark.parametrize("of", [np.array([True]), np.array([0, 1]), [1]])
+def test_whose_commands_are_given_is_said_by_a_truth_value_each(of: object) -> None:
+    session = testbed.assemble(scenario(), force=True)
+    session.reset()
+    with pytest.raises(ValueError, match="`of` is one truth value per vehicle"):
+        session.step(Command([20.0, 20.0], [0.0, 0.0], [0.0, 0.0]), of=of)  # type: ignore[arg-type]
+
+
+def test_a_session_tells_goals_and_limits_once_it_is_set_up() -> None:
+    session = testbed.assemble(scenario(), force=True)
+    with pytest.raises(RuntimeError, match=r"reset\(\) does it"):
+        _ = session.setting
+    session.reset()
+    assert session.setting.goal == pytest.approx(np.array([[40.0, 0, 0], [-40.0, 0, 0]]))
+    assert len(session.setting.limits) == 2
+
+
 def test_past_the_filter_commands_are_flown_unclipped_and_judged() -> None:
     session = testbed.assemble(scenario(), force=True)
     step, fast = session.reset(), Command([40.0, 40.0], [0.5, 0.5], [0.0, 0.0])

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from filters.filter import Decision
 from filters.model import Command
@@ -29,7 +30,7 @@ from testbed.simulation import termination
 from testbed.simulation.assembly import Assembled, Setting, put_together, set_up
 from testbed.simulation.judgement import judge
 from testbed.simulation.recorder import Recorder
-from testbed.simulation.step import Step, advance
+from testbed.simulation.step import Step, advance, given, unfiltered
 from testbed.simulation.step_buffer import StepBuffer
 
 
@@ -120,14 +121,24 @@ class Session:
             rates = np.zeros((s.vehicles, 3))
             self._now = Step(0.0, setting.start, Command.of(rates), None, None, None, None, True, self._end)
             return self._now
-        return self._arrive(None, True)
+        return self._arrive(None, None, True)
 
-    def step(self, commands: Command | None = None, *, filtered: bool = True) -> Step:
+    @property
+    def setting(self) -> Setting:
+        """What the scenario alone decides: start, goals, limits, barrier. RuntimeError before `reset`."""
+        if self._setting is None:
+            raise RuntimeError("nothing is set up yet: reset() does it")
+        return self._setting
+
+    def step(
+        self, commands: Command | None = None, *, of: NDArray[np.bool_] | None = None, filtered: bool = True
+    ) -> Step:
         """Fly one filter period, and return where it led.
 
         commands  (N,) wanted instead of what guidance wants, at once and without its delay; the filter alters
                   it. None asks guidance. At the run's last instant nothing is flown any more: what was given
                   for the last period is recorded there too
+        of        (N,) bool: whose commands are given; the others are asked of guidance. None: everybody's
         filtered  False flies what is wanted as it is, past the filter and unclipped
         Raises    RuntimeError if the session was not reset, or its run is over; ValueError if `commands` are
                   not finite, or not one per vehicle
@@ -135,9 +146,9 @@ class Session:
         if not self._open or self._made is None or self._now.done:
             raise RuntimeError("no run to step: reset() starts one")
         if commands is not None:
-            self._check(commands)
+            self._check(commands, of)
         t, dt, n = self._now.t, self.scenario.rates.filter_dt_s, self.scenario.rates.fdm_steps
-        if not self._decide(commands, filtered):
+        if not self._decide(commands, of, filtered):
             return self._stopped()
         assert self._decision is not None
         try:
@@ -151,7 +162,7 @@ class Session:
             return self._stopped()
         self._buffer.move(track)
         self._count += 1
-        return self._arrive(commands, filtered)
+        return self._arrive(commands, of, filtered)
 
     def judge(self) -> Run:
         """The run and its verdicts. Before the run is done this ends it early, and nothing holds.
@@ -166,9 +177,9 @@ class Session:
             self._end = termination.ended("judged before its end", self._now.t)
         self._recorder.close()
         self._rows.close()
-        given = {"nominal": Origin("commands given step by step")} if self._commanded else {}
-        given |= {"filter": Origin("passed by on request")} if self._unfiltered else {}
-        own = self._own | given
+        handed = {"nominal": Origin("commands given step by step")} if self._commanded else {}
+        handed |= {"filter": Origin("passed by on request")} if self._unfiltered else {}
+        own = self._own | handed
         self._run = judge(self._setting, self._made, self._statistics, own, self._end)
         self._run.timing = {"wall_s": time.perf_counter() - self._began}
         if self._memory is not None:
@@ -190,7 +201,7 @@ class Session:
             step = self.step()
             yield step
 
-    def _arrive(self, commands: Command | None, filtered: bool) -> Step:
+    def _arrive(self, commands: Command | None, of: NDArray[np.bool_] | None, filtered: bool) -> Step:
         """Read the vehicles' states; at the last instant decide once more, for the record."""
         assert self._made is not None
         t = self._count * self.scenario.rates.filter_dt_s
@@ -204,25 +215,25 @@ class Session:
             self._end = termination.ended(termination.raised("deciding", error, self._count), t)
         flown = self._nominal, self._decision
         self._now = Step(t, truth, rates, view, air, *flown, last or self._end is not None, self._end)
-        if last and self._end is None and not self._decide(commands, filtered):
+        if last and self._end is None and not self._decide(commands, of, filtered):
             self._now = Step(t, truth, rates, view, air, *flown, True, self._end)
         return self._now
 
-    def _decide(self, commands: Command | None, filtered: bool) -> bool:
+    def _decide(self, commands: Command | None, of: NDArray[np.bool_] | None, filtered: bool) -> bool:
         """Take the decision for now and put the step into the buffer; False if a part failed."""
         assert self._made is not None and self._setting is not None
         now, made, step = self._now, self._made, self._count
         assert now.view is not None
         try:
-            if commands is None:
+            if commands is None or of is not None:
                 self._waiting.append(made.guidance(now.t, now.view.own()))
                 wanted = self._waiting.popleft()
-            else:
-                wanted, self._commanded = commands, True
+            if commands is not None:
+                wanted, self._commanded = commands if of is None else given(wanted, commands, of), True
             if filtered:
                 decision = made.filter(now.view, wanted, self._setting.limits)
             else:
-                decision, self._unfiltered = _unfiltered(wanted), True
+                decision, self._unfiltered = unfiltered(wanted), True
             if filtered and made.refused:
                 self._statistics.refused(now.t, decision.command.array(), self._setting.limits)
                 raise made.refused
@@ -253,19 +264,15 @@ class Session:
         self._now = Step(n.t, n.state, n.rates, n.view, n.air, self._nominal, self._decision, True, self._end)
         return self._now
 
-    def _check(self, commands: Command) -> None:
+    def _check(self, commands: Command, of: NDArray[np.bool_] | None) -> None:
         if commands.shape != (self.scenario.vehicles,):
             raise ValueError(
                 f"commands are one per vehicle, ({self.scenario.vehicles},), got {commands.shape}"
             )
         if not commands.isfinite().all():
             raise ValueError(f"commands must be finite, got {commands}")
-
-
-def _unfiltered(wanted: Command) -> Decision:
-    """The decision to fly what is wanted as it is."""
-    zeros = np.zeros(len(wanted))
-    return Decision(wanted, zeros.astype(int), zeros, zeros.astype(bool), zeros, None, np.zeros(0))
+        if of is not None and (np.shape(of) != commands.shape or np.asarray(of).dtype != bool):
+            raise ValueError(f"`of` is one truth value per vehicle, {commands.shape}, got {of!r}")
 
 
 def _keep_freed_memory() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aircraft.plant import Plant
 from filters.filter import Decision
@@ -57,3 +58,14 @@ def advance(
         now = atmosphere.wind(t + k * plant.dt, plant.state())
         track.append(plant.step(command, still if now is None else now, min(most, n - k)))
     return track[0] if len(track) == 1 else np.concatenate(track)
+
+
+def given(wanted: Command, commands: Command, of: NDArray[np.bool_]) -> Command:
+    """What guidance wants, but for the vehicles `of`, whose commands are given."""
+    return Command.of(np.where(of[:, None], commands.array(), wanted.array()))
+
+
+def unfiltered(wanted: Command) -> Decision:
+    """The decision to fly what is wanted as it is."""
+    zeros = np.zeros(len(wanted))
+    return Decision(wanted, zeros.astype(int), zeros, zeros.astype(bool), zeros, None, np.zeros(0))
