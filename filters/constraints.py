@@ -115,6 +115,26 @@ class Constraints:
             rhs = rhs + amount(margin, lie)
         return replace(self, rhs=rhs)
 
+    def known(self, view: View) -> Constraints:
+        """The rows without those over two vehicles that do not know of each other, or over one unknown."""
+        if view.known is None:
+            return self
+        fine = np.ones(self.h.size, dtype=bool)
+        for s, a in enumerate(self.vehicles):
+            for b in self.vehicles[s + 1 :] or (a,) * (len(self.vehicles) == 1):
+                fine &= view.joined(a, b)
+        return self if fine.all() else self.chosen(fine)
+
+    def chosen(self, which: NDArray[np.bool_]) -> Constraints:
+        """The rows where `which` (R,)."""
+        return Constraints(
+            tuple(v[which] for v in self.vehicles),
+            tuple(lie[which] for lie in self.lie),
+            self.h[which],
+            self.rhs[which],
+            self.drift[which] if isinstance(self.drift, np.ndarray) else self.drift,
+        )
+
 
 Maker = Callable[[View], tuple[Constraints, ...]]
 """The constraints that a view asks for, one block per number of vehicles in a row."""

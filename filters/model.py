@@ -180,27 +180,50 @@ def step(state: State, command: Command, dt: float | Array) -> State:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What the vehicles know of each other: poses and the rates achieved lately.
+    """What the vehicles know of each other: poses, the rates achieved lately, and of whom they know.
 
     Arrays are `[vehicle]` when all observers see the same (the truth, without disturbances), and
     `[observer, vehicle]` when latency, loss or noise give every vehicle its own version of the world.
+    known  bool, (N,): who is known to the others, and knows of them; or (N, N): whom each observer knows,
+           itself included. None: everybody is known. The pose of one who is not known is a finite number
+           without meaning, which a filter must not use
     """
 
     state: State
     rates: Command
+    known: NDArray[np.bool_] | None = None
 
     @property
     def shared(self) -> bool:
-        """True when every observer sees the same."""
+        """True when every observer sees the same poses."""
         return len(self.state.shape) == 1
 
     def of(self, observer: int) -> View:
         """What one vehicle sees, arrays `[vehicle]`."""
-        return self if self.shared else View(self.state[observer], self.rates[observer])
+        known = self.known if self.known is None or self.known.ndim == 1 else self.known[observer]
+        if self.shared:
+            return self if known is self.known else View(self.state, self.rates, known)
+        return View(self.state[observer], self.rates[observer], known)
 
     def own(self) -> View:
-        """What every vehicle knows of itself, arrays `[vehicle]`: the diagonal."""
+        """What every vehicle knows of itself, poses and rates `[vehicle]`: the diagonal."""
         if self.shared:
             return self
         n = np.arange(len(self.state))
-        return View(self.state[n, n], self.rates[n, n])
+        return View(self.state[n, n], self.rates[n, n], self.known)
+
+    def altered(self, state: State, rates: Command) -> View:
+        """The same vehicles known, with other poses and rates."""
+        return View(state, rates, self.known)
+
+    def knows(self, observer: NDArray[np.intp], vehicle: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Whether each observer knows of each vehicle, both from 0 and of one shape."""
+        if self.known is None:
+            return np.ones(np.broadcast_shapes(np.shape(observer), np.shape(vehicle)), dtype=bool)
+        if self.known.ndim == 1:
+            return self.known[observer] & self.known[vehicle]
+        return np.asarray(self.known[observer, vehicle])
+
+    def joined(self, i: NDArray[np.intp], j: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Whether at least one of the vehicles i and j knows of the other."""
+        return self.knows(i, j) | self.knows(j, i)

@@ -13,13 +13,13 @@ from typing import Literal
 
 import numpy as np
 
-from filters.barriers.pairs import Barrier, PairValues
+from filters.barriers.pairs import Barrier, PairValues, all_pairs
 from filters.barriers.per_pair import PerPair
 from filters.cbf.constraints import manoeuvres, observed_rows, observed_shares, own_rows, pair_rows, shares
 from filters.cbf.problem import Problem, input_set
 from filters.constraints import Alpha, Constraints, Maker, Margin
 from filters.filter import Decision, Declaration
-from filters.model import Array, Command, Limits, View
+from filters.model import Array, Command, Limits, State, View
 from filters.qp import single
 from filters.qp.single import Status
 
@@ -50,6 +50,7 @@ class CollisionFilter:
     solver   "auto" or "osqp" (see `qp.Solver`)
     also     makers of constraints beside those of the pairs; centralised they see what each vehicle knows of
              itself, limited what one vehicle sees
+    A pair has a row if one of the two knows of the other (`View.known`); limited, the vehicle that does.
     Raises   ValueError for several barriers without `shared=False`, or an unknown mode or solver.
 
     A vehicle whose QP has no solution flies gamma clipped to the limits; without a shared gamma it flies the
@@ -131,9 +132,9 @@ class CollisionFilter:
             raised = blocks if self.margin is None else [rows.raised(self.margin) for rows in blocks]
             left = [rows.left(problem.clipped) for rows in blocks]
             if all([(have >= rows.rhs).all() for have, rows in zip(left, raised, strict=True)]):
-                return _as_wanted(problem, pairs, left[0])
+                return _as_wanted(problem, *_over_all(pairs, left[0], n))
             u, status, residual = problem.centralised(raised)
-        elif view.shared:
+        elif view.shared and view.known is None:
             each = self.shares(blocks, n, self.margin)
             parts = [part for rows in blocks for part in rows.parts(problem.clipped)]
             due = [rhs for own in each for rhs in own]
@@ -141,22 +142,48 @@ class CollisionFilter:
                 return _as_wanted(problem, pairs, parts[0] + parts[1])
             u, status, residual = problem.limited(own_rows(blocks, each))
         else:
-            gamma = self.gamma(n)
+            gamma, view = self.gamma(n), _one_by_one(view)
             own = observed_rows(self.barrier, self.alpha, view, gamma)
             if self.also:
                 others = [r for maker in self.also for r in observed_shares(maker, self.barrier, view, gamma)]
                 own = own_rows([own, *others], [(rows.rhs,) for rows in (own, *others)])
             u, status, residual = problem.limited(own.raised(self.margin))
-        return problem.decision(u, status, residual, pairs, blocks[0].left(u))
+        return problem.decision(u, status, residual, *_over_all(pairs, blocks[0].left(u), n))
 
     def _made(self, view: View) -> tuple[PairValues, tuple[Constraints, ...]]:
         """The values of all pairs, and the rows: theirs first, then those of `also`."""
         own = view.own()
-        pairs = self.barrier.values(own.state)
+        if own.known is None:
+            pairs = self.barrier.values(own.state)
+        else:
+            i, j = all_pairs(len(own.state))
+            met = own.joined(i, j)
+            pairs = self.barrier.values(own.state, i[met], j[met])
         rows = pair_rows(pairs, own.state, self.alpha)
-        return pairs, (rows, *(block for maker in self.also for block in maker(own))) if self.also else (
-            rows,
-        )
+        others = [block.known(own) for maker in self.also for block in maker(own)] if self.also else ()
+        return pairs, (rows, *others)
+
+
+def _over_all(pairs: PairValues, hdot: Array, n: int) -> tuple[PairValues, Array]:
+    """Values and hdot over all pairs of n vehicles, nan where two do not know of each other."""
+    if len(hdot) == n * (n - 1) // 2:
+        return pairs, hdot
+    i, j = all_pairs(n)
+    met = (pairs.i * (2 * n - pairs.i - 1)) // 2 + pairs.j - pairs.i - 1
+    full = np.full((10, i.size), np.nan)
+    full[0, met], full[1:9, met], full[9, met] = pairs.h, pairs.grad.T, hdot
+    return PairValues(i, j, full[0], full[1:9].T), full[9]
+
+
+def _one_by_one(view: View) -> View:
+    """The view with arrays [observer, vehicle]."""
+    if not view.shared:
+        return view
+    square = (len(view.state), len(view.state))
+    return view.altered(
+        State(*(np.broadcast_to(x, square) for x in view.state.array().T)),
+        Command(*(np.broadcast_to(x, square) for x in view.rates.array().T)),
+    )
 
 
 def _as_wanted(problem: Problem, pairs: PairValues, hdot: Array) -> Decision:

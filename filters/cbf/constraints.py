@@ -93,12 +93,15 @@ def own_rows(blocks: Sequence[Constraints], parts: Sequence[tuple[Array, ...]]) 
 
 
 def observed_rows(barrier: Barrier, alpha: Alpha, view: View, gamma: Array | None = None) -> Constraints:
-    """Every vehicle's own rows (N (N-1),) of its pairs, each from what that vehicle sees.
+    """Every vehicle's own rows (N (N-1),) of its pairs with vehicles it knows, each from what it sees.
 
     gamma  as for `manoeuvres`
     """
     n = len(view.state)
     observer, other = np.nonzero(~np.eye(n, dtype=bool))
+    if view.known is not None:
+        seen = view.knows(observer, other)
+        observer, other = observer[seen], other[seen]
     i, j = np.minimum(observer, other), np.maximum(observer, other)
     pairs = barrier.values(view.state, (observer, i), (observer, j))
     rows = pair_rows(pairs, view.state, alpha)
@@ -114,7 +117,9 @@ def observed_shares(maker: Maker, barrier: Barrier, view: View, gamma: Array | N
     """Every vehicle's own rows of a maker's constraints, each from what that vehicle sees."""
     found, n = [], len(view.state)
     for observer in range(n):
-        for block in maker(view.of(observer)):
+        seen = view.of(observer)
+        for block in maker(seen):
+            block = block.known(seen)
             each = shares(block, manoeuvres(barrier, block, n, gamma))
             for vehicle, lie, rhs in zip(block.vehicles, block.lie, each, strict=True):
                 mine = vehicle == observer

@@ -105,6 +105,8 @@ class NavigationFilter:
         height = np.broadcast_to(view.state.z, away.shape) - own.z[:, None]
         sensed = np.hypot(np.abs(away), height) <= self.sensing_range
         np.fill_diagonal(sensed, False)
+        if view.known is not None:
+            sensed &= view.knows(*np.indices(sensed.shape))
 
         east, west, north, south = (
             self._potential(place + d, seen, sensed)

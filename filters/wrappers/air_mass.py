@@ -97,7 +97,7 @@ def _through_air(view: View, wind: complex) -> View:
     # At constant airspeed the component of the turn along the ground's normal is what shows over the ground.
     across = np.where(ahead > 0, ahead, np.inf)
     omega = np.where(w == 0, rates.omega, rates.omega * rates.v / across)
-    return View(
+    return view.altered(
         State(state.x, state.y, state.theta + turned, state.z),
         Command(np.hypot(ahead, left), omega, rates.zeta),
     )

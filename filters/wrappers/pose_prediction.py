@@ -52,7 +52,7 @@ class Predicted:
         return replace(inner, barrier=None, constraints=None if rows is None else constraints)
 
     def _ahead(self, view: View) -> View:
-        return View(self.pose(view.state, view.rates), view.rates)
+        return view.altered(self.pose(view.state, view.rates), view.rates)
 
 
 @dataclass(frozen=True)

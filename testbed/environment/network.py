@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from filters.model import Array, View, step
-from testbed.environment.sensing import pack, unpack
+from testbed.environment.sensing import knowing, pack, unpack
 
 Stale = Literal["hold", "extrapolate-lost", "extrapolate"]
 
@@ -46,8 +46,12 @@ class Network:
     def __call__(self, view: View) -> View:
         """What is known when `view` is measured: (N,) if all know the same, or else [observer, vehicle].
 
-        To be called once at every filter step.
+        To be called once at every filter step. Who is known is not delayed.
         """
+        return knowing(self._heard_of(view), view)
+
+    def _heard_of(self, view: View) -> View:
+        """The poses and rates that `__call__` returns."""
         values = pack(view.own() if self.central else view)
         first = not self._sent
         self._sent.append(values)

@@ -22,6 +22,11 @@ def unpack(values: Array) -> View:
     return View(State.of(values[..., :4]), Command.of(values[..., 4:]))
 
 
+def knowing(made: View, before: View) -> View:
+    """`made`, with the vehicles known in `before`."""
+    return made if before.known is None else View(made.state, made.rates, before.known)
+
+
 @dataclass
 class Sensing:
     """Constant errors, drifting errors and white noise, added at every filter step.
@@ -64,4 +69,4 @@ class Sensing:
         )
         step = np.sqrt(1.0 - self.persistence**2) * self._drift_rng.standard_normal(shape)
         self._drifted = self.persistence * self._drifted + step
-        return unpack(pack(view) + error)
+        return knowing(unpack(pack(view) + error), view)

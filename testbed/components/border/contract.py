@@ -61,7 +61,10 @@ def copy_of(value: T) -> T:
 
 def copy_of_view(view: View) -> View:
     """A read-only copy of a view."""
-    return View(copy_of(view.state), copy_of(view.rates))
+    known = None if view.known is None else view.known.copy()
+    if known is not None:
+        known.flags.writeable = False
+    return View(copy_of(view.state), copy_of(view.rates), known)
 
 
 def copy_of_limits(limits: Limits) -> Limits:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from filters.barriers.pairs import PairValues, all_pairs
 from filters.constraints import Constraints
@@ -80,7 +81,7 @@ class OwnFilter:
             contract.array("residual", d.residual, n),
             contract.booleans("override", d.override, n),
             contract.array("deviation", d.deviation, n),
-            *self._pairs(d),
+            *self._pairs(d, view),
         )
 
     @property
@@ -139,15 +140,20 @@ class OwnFilter:
         h = contract.array("h of constraints()", block.h, (count,))
         return Constraints(vehicles, lie, h, contract.array("rhs of constraints()", block.rhs, (count,)))
 
-    def _pairs(self, d: Decision) -> tuple[PairValues | None, Array]:
+    def _pairs(self, d: Decision, view: View) -> tuple[PairValues | None, Array]:
         contract, count = self._contract, len(self._i)
         if d.pairs is None:
             return None, np.zeros(0)
-        pairs = self._checked("pairs", d.pairs)
-        return pairs, contract.array("hdot_predicted", d.hdot_predicted, (count,))
+        apart = None if view.known is None else ~view.joined(self._i, self._j)
+        pairs = self._checked("pairs", d.pairs, apart)
+        predicted = contract.array("hdot_predicted", _where(apart, 0.0, d.hdot_predicted), (count,))
+        return pairs, _where(apart, np.nan, predicted)
 
-    def _checked(self, what: str, found: Any) -> PairValues:
-        """Read-only copies of values of all pairs i < j, without what they say is `known`."""
+    def _checked(self, what: str, found: Any, apart: NDArray[np.bool_] | None = None) -> PairValues:
+        """Read-only copies of values of all pairs i < j, without what they say is `known`.
+
+        apart  (P,) pairs that do not know of each other: whatever is said of them becomes nan
+        """
         contract, count = self._contract, len(self._i)
         if not isinstance(found, PairValues):
             raise contract.breach(f"{what} is a {type(found).__name__}, not PairValues")
@@ -156,8 +162,21 @@ class OwnFilter:
                 continue
             if not np.array_equal(contract.integers(f"{what}.{name}", getattr(found, name), (count,)), own):
                 raise contract.breach(f"{what}.{name} are not those of all pairs i < j, in row order")
-        h = contract.array(f"{what}.h", found.h, (count,))
-        return PairValues(self._i, self._j, h, contract.array(f"{what}.grad", found.grad, (count, 8)))
+        h, grad = (_where(apart, 0.0, values) for values in (found.h, found.grad))
+        h = contract.array(f"{what}.h", h, (count,))
+        grad = contract.array(f"{what}.grad", grad, (count, 8))
+        return PairValues(self._i, self._j, _where(apart, np.nan, h), _where(apart, np.nan, grad))
+
+
+def _where(which: NDArray[np.bool_] | None, value: float, values: Any) -> Any:
+    """A copy of `values` (P,) or (P, ...) with `value` where `which` (P,); of another shape, as they are."""
+    if which is None or type(values) is not np.ndarray or values.shape[:1] != which.shape:
+        return values
+    if values.dtype.kind != "f":
+        return values
+    changed = values.copy()
+    changed[which] = value
+    return changed
 
 
 class OwnGuidance:
@@ -208,7 +227,11 @@ class OwnEnvironment:
         if not isinstance(found, View):
             raise contract.breach(f"observe() is a {type(found).__name__}, not a View")
         shape = (n,) if getattr(getattr(found.state, "x", None), "ndim", 1) == 1 else (n, n)
+        known = found.known
+        if known is not None:
+            known = contract.booleans("observe().known", known, (n,) if np.ndim(known) == 1 else (n, n))
         return View(
             contract.state("observe().state", found.state, shape),
             contract.command("observe().rates", found.rates, shape),
+            known,
         )
