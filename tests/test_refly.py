@@ -120,7 +120,7 @@ def test_parts_of_ones_own_are_not_flown_again(tmp_path: Path) -> None:
     parts = testbed.Parts(filter=lambda s, b, goal: catalogue.filter_(s, b, goal))
     run(load("paper-2-turn", ["duration_s=0.1", "manoeuvre_instants=0"]), tmp_path / "run", parts=parts)
     (found,) = refly(tmp_path / "run")
-    assert found.agrees is None and "parts of its own" in found.why
+    assert found.agrees is None and "a part of its own" in found.why
 
 
 def test_the_command_flies_again(

@@ -7,6 +7,7 @@ from typing import Any
 
 from testbed.campaigns.identity import code_id
 from testbed.campaigns.job import Job
+from testbed.components.components import Parts
 from testbed.errors import UserError, short
 from testbed.records.checksums import plain
 from testbed.records.run import Run
@@ -24,12 +25,13 @@ def fly(job: Job) -> dict[str, Any]:
     """The row of one run: status, reason, and (value, verdict) of every guarantee.
 
     A scenario that is refused, or an error within the run, is a row. Raises UserError if this process runs
-    other code, OSError or MemoryError if the machine has no room.
+    other code or has other parts, OSError or MemoryError if the machine has no room.
     """
     if code_id() != job.code:
         raise UserError(f"a worker runs other code ({code_id()}) than this campaign began with ({job.code})")
+    own = job.own()
     try:
-        return row(_flown(job.scenario(), job))
+        return row(_flown(job.scenario(), job, own))
     except NOT_THE_RUNS:
         raise
     except UserError as error:
@@ -60,13 +62,13 @@ def lost(result: dict[str, Any], guarantee: str) -> bool:
     return bool(result["guarantees"].get(guarantee, [None, ""])[1] != Status.HOLDS)
 
 
-def _flown(s: Scenario, job: Job) -> Run:
+def _flown(s: Scenario, job: Job, own: Parts | None) -> Run:
     if job.folder is None:
         # Verdicts are tracked at every step whatever is recorded.
         steps = max(1, s.filter_steps)
         rates = s.rates.model_copy(update={"record_dt_s": steps * s.rates.filter_dt_s})
-        return run(s.model_copy(update={"rates": rates}), force=job.force)
-    done = run(s, job.folder, force=job.force, overwrite=True)
+        return run(s.model_copy(update={"rates": rates}), force=job.force, parts=own)
+    done = run(s, job.folder, force=job.force, overwrite=True, parts=own)
     if job.guarantee and not lost(row(done), job.guarantee):
         shutil.rmtree(job.folder)
     return done

@@ -100,13 +100,17 @@ class RunIds:
         self._hashes = AirframeHashes()
         self._known: dict[str, tuple[dict[str, Any], dict[str, str]]] = {}
 
-    def of(self, data: str, seed: int) -> str:
-        """The name of a scenario (as JSON) under `seed`. Raises UserError for an airframe not there."""
+    def of(self, data: str, seed: int, origins: str = "") -> str:
+        """The name of a scenario (as JSON) under `seed`. Raises UserError for an airframe not there.
+
+        origins  `SentParts.origins` of the parts that fly in it; "" for the scenario's
+        """
         if data not in self._known:
             s = parse(json.loads(data))
             self._known[data] = (identity(s.model_dump(mode="json")), self._hashes.of(s))
         content, hashes = self._known[data]
-        return content_id([content | {"seed": seed}, self._code, hashes])
+        own = [json.loads(origins)] if origins else []
+        return content_id([content | {"seed": seed}, self._code, hashes, *own])
 
 
 def _file(name: str) -> Path | None:

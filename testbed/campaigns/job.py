@@ -6,6 +6,8 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from testbed.campaigns.sent_parts import SentParts
+from testbed.components.components import Parts
 from testbed.scenario.scenario import Scenario, parse
 
 
@@ -29,6 +31,11 @@ class Job:
     force: bool = True
     code: str = ""
     folder: Path | None = None
+    parts: SentParts | None = None
+
+    def own(self) -> Parts | None:
+        """The user's parts in this process. Raises UserError if they are others than where the job began."""
+        return self.parts.here() if self.parts is not None else None
 
     def scenario(self) -> Scenario:
         """The scenario to fly. Raises UserError if it is not a valid one."""

@@ -13,6 +13,8 @@ from testbed.campaigns import named_remedies
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
+from testbed.campaigns.sent_parts import OwnParts, SentParts, origins
+from testbed.components.installed_parts import effective
 from testbed.errors import UserError, nearest, short
 from testbed.scenario import scenario
 from testbed.scenario.location import identity, placed
@@ -30,17 +32,19 @@ class Cell:
     parameters  axis -> value, as the tables show it
     label       of the axes that have more than one value
     data        the scenario, but for seed and draws
+    own         labels of the user's own parts that fly in it
     """
 
     number: int
     parameters: dict[str, Any]
     label: str
     data: dict[str, Any]
+    own: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Planned:
-    """One run: `id` is the hash of its resolved scenario, the code and the airframes' files."""
+    """One run: `id` is the hash of its resolved scenario, the code, the airframes' files and own parts."""
 
     id: str
     cell: int
@@ -53,6 +57,7 @@ class Plan:
     """Every run there may be, cell by cell in the axes' order and seed by seed.
 
     airframes  checksums of the airframes used, see `AirframeHashes.known`
+    parts      the user's own
     """
 
     campaign: Campaign
@@ -61,6 +66,7 @@ class Plan:
     cells: list[Cell]
     runs: list[Planned]
     airframes: dict[str, dict[str, str]] = field(default_factory=dict)
+    parts: OwnParts = field(default_factory=OwnParts)
     id: str = field(init=False)
 
     def __post_init__(self) -> None:
@@ -71,6 +77,10 @@ class Plan:
     def of(self, cell: int) -> list[Planned]:
         n = len(self.campaign.seed_list)
         return self.runs[cell * n : (cell + 1) * n]
+
+    def sent(self, run: Planned, s: Scenario) -> SentParts | None:
+        """The parts that a run's job takes along, those of installed packages that `s` names included."""
+        return SentParts.of(effective(s, self.parts.parts(self.cells[run.cell].own)))
 
     def data(self, run: Planned) -> dict[str, Any]:
         """The run's scenario as plain data."""
@@ -109,11 +119,13 @@ def expand(
     start: Scenario,
     code: str | None = None,
     airframes: Mapping[str, dict[str, str]] | None = None,
+    parts: OwnParts | None = None,
 ) -> Plan:
     """All runs of `campaign` on the base scenario `start`.
 
     code       name of the code that flies them; None: this code's
     airframes  `Plan.airframes` of an earlier process; None: computed from the files as they are
+    parts      the user's own, flown in every cell
     Raises UserError naming the axis, the cell or the seed whose scenario is refused, or a field set twice.
     """
     axes = _axes(campaign, start)
@@ -132,17 +144,20 @@ def expand(
         fields = dict(pair for _, fields in chosen for pair in fields.items())
         data = _cell_data(parameters, fields, campaign, start, drawn)
         label = _said({axis: v for axis, v in parameters.items() if len(axes[axis]) > 1}) or "all"
-        cells.append(Cell(number, parameters, label, data))
+        named = tuple(parts.origins) if parts else ()
+        cells.append(Cell(number, parameters, label, data, named))
+        given = parts.identity(named) if parts else {}
         for seed in seeds:
             draws = {path: draw(d, seed, path) for path, d in drawn.items()}
             if seed == seeds[0] or draws:
                 where = _said(parameters | ({"seed": seed} if draws else {}), campaign.name)
                 s = variants.add(_with(data, draws, seed), where)
                 content, own = identity(s.model_dump(mode="json")), hashes.of(s)
-            run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own])
+                flown = [o] if (o := origins(effective(s)) | given) else []
+            run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own, *flown])
             runs.append(Planned(run, number, seed, draws))
     variants.refuse(campaign.name)
-    return Plan(campaign, start, code, cells, runs, hashes.known)
+    return Plan(campaign, start, code, cells, runs, hashes.known, parts or OwnParts())
 
 
 def _axes(campaign: Campaign, start: Scenario) -> dict[str, dict[Any, Fields]]:

@@ -17,28 +17,34 @@ from testbed.campaigns.job import Job
 from testbed.campaigns.outcome import CrashError, Executor, Outcome
 from testbed.campaigns.plan import Plan, Planned, base, expand
 from testbed.campaigns.progress import Progress, progress
+from testbed.campaigns.sent_parts import OwnParts, SentParts
 from testbed.campaigns.summary import summary
 from testbed.campaigns.view import View
 from testbed.components.catalogue import versions
+from testbed.components.named_parts import NamedPart
 from testbed.errors import UserError
 from testbed.records.store import write_json
 from testbed.scenario import scenario
 from testbed.scenario.location import moved, placed
 
 
-def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
+def prepare(source: str, out: Path, overwrite: bool = False, parts: Sequence[NamedPart] = ()) -> Plan:
     """The plan of a campaign by name or file, with its folder; the folder of the same campaign is kept.
 
+    parts  of the user's own, as `named_parts.read` gives them
     Raises UserError for a malformed file, seeds that change nothing, or a folder that holds something else.
     """
     campaign, here = file.load(source)
-    plan = expand(campaign, base(campaign, here))
+    own = OwnParts.of(parts)
+    plan = expand(campaign, base(campaign, here), parts=own)
     check_distinct(plan)
     if (out / folder.MANIFEST).is_file():
         found = folder.manifest(out)
         if found.get("id") == plan.id and not overwrite:
             return plan
         if not overwrite:
+            if found.get("name") == campaign.name and (why := own.changed(found.get("parts", {}))):
+                raise UserError(f"{out} was begun {why}, or give another --out, or --overwrite")
             theirs = found.get("name")
             other = "of other content or code" if theirs == campaign.name else repr(theirs)
             raise UserError(f"{out} belongs to another campaign, {other}; give another --out, or --overwrite")
@@ -48,10 +54,11 @@ def prepare(source: str, out: Path, overwrite: bool = False) -> Plan:
     return plan
 
 
-def reopen(out: Path, to_fly: bool = True) -> Plan:
+def reopen(out: Path, to_fly: bool = True, parts: Sequence[NamedPart] = ()) -> Plan:
     """The plan that a folder was made for.
 
-    to_fly  False: nothing will be flown, so code and airframes may have changed
+    to_fly  False: nothing will be flown, so code, airframes and own parts may have changed
+    parts   of the user's own: those that it was begun with, again
     Raises  UserError if something that the runs depend on has changed since, naming it
     """
     found = folder.manifest(out)
@@ -65,7 +72,14 @@ def reopen(out: Path, to_fly: bool = True) -> Plan:
             f"{out} was begun with other files or gains of airframe {', '.join(changed)}; restore them, or"
             " run the campaign again into another folder; campaign status and report read it as it is"
         )
-    plan = expand(campaign, start) if to_fly else expand(campaign, start, found["code"], recorded)
+    known = found.get("parts", {})
+    own = OwnParts.of(parts)
+    if to_fly and (why := own.changed(known)):
+        raise UserError(f"{out} was begun {why}, or run the campaign again into another folder")
+    if to_fly:
+        plan = expand(campaign, start, parts=own)
+    else:
+        plan = expand(campaign, start, found["code"], recorded, OwnParts(known))
     if (plan.id, plan.code) != (found["id"], found["code"]):
         raise UserError(
             f"{out} was begun by other code or packages (code {found['code']}, now {plan.code}); go on with"
@@ -118,16 +132,26 @@ class _Jobs(Sequence[Job]):
 
     def __init__(self, plan: Plan, runs: list[Planned], out: Path) -> None:
         self._plan, self._runs, self._out = plan, runs, out.resolve()
+        self._known: dict[tuple[Any, ...], SentParts | None] = {}
 
     def __len__(self) -> int:
         return len(self._runs)
 
     def __getitem__(self, index: Any) -> Any:
         run, campaign = self._runs[index], self._plan.campaign
-        data = json.dumps(self._plan.data(run))
+        data = self._plan.data(run)
         where = None if campaign.keep == "none" else self._out / "runs" / run.id
         unless = campaign.guarantee if campaign.keep == "violations" else ""
-        return Job(run.id, data, run.seed, unless, campaign.force, self._plan.code, where)
+        text, sent = json.dumps(data), self._sent(run, data)
+        return Job(run.id, text, run.seed, unless, campaign.force, self._plan.code, where, sent)
+
+    def _sent(self, run: Planned, data: dict[str, Any]) -> SentParts | None:
+        # Of a cell all runs have the same parts, unless a draw changes a kind.
+        key = (run.cell, data["plant"], data["filter"]["kind"])
+        if key not in self._known:
+            s = scenario.parse(data, self._plan.campaign.name)
+            self._known[key] = self._plan.sent(run, s)
+        return self._known[key]
 
 
 def _finish(state: Progress, out: Path) -> None:
@@ -156,4 +180,5 @@ def _manifest(plan: Plan, out: Path) -> dict[str, Any]:
         "campaign": plan.campaign.model_dump(mode="json"),
         "base": moved(plan.base.model_dump(mode="json"), out),
         "airframes": plan.airframes,
+        "parts": {label: dict(of) for label, of in plan.parts.origins.items()},
     }

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from testbed.cli.common import JsonOption, OverwriteOption, WorkersOption, show, show_named
+from testbed.cli.common import (
+    JsonOption,
+    OverwriteOption,
+    PartsOption,
+    WorkersOption,
+    named,
+    show,
+    show_named,
+)
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
@@ -29,13 +37,15 @@ ClusterOption = Annotated[
 
 @app.command(
     short_help="Fly a campaign, or continue it.",
-    epilog="Example: testbed campaign run head-on-x8 --out runs/head-on --workers 2",
+    epilog="Examples: testbed campaign run head-on-x8 --out runs/head-on --workers 2;"
+    " testbed campaign run mine.toml --out runs/mine --parts my_parts.py:Cone",
 )
 def run(
     file: FileArg,
     out: Annotated[Path, typer.Option("--out", help="folder to write")],
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
+    parts: PartsOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -43,7 +53,7 @@ def run(
     from testbed.campaigns.runner import prepare
 
     _check_workers(workers, cluster)
-    _fly(prepare(file, out, overwrite), out, workers, cluster, as_json)
+    _fly(prepare(file, out, overwrite, named(parts)), out, workers, cluster, as_json)
 
 
 @app.command(epilog="Example: testbed campaign resume runs/head-on")
@@ -51,13 +61,14 @@ def resume(
     folder: FolderArg,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
+    parts: PartsOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Fly what is missing of a campaign that was interrupted."""
     from testbed.campaigns.runner import reopen
 
     _check_workers(workers, cluster)
-    _fly(reopen(folder), folder, workers, cluster, as_json)
+    _fly(reopen(folder, parts=named(parts)), folder, workers, cluster, as_json)
 
 
 @app.command(epilog="Example: testbed campaign status runs/head-on --json")
@@ -79,14 +90,15 @@ def status(folder: FolderArg, as_json: JsonOption = False) -> None:
     short_help="Check a campaign file; nothing is flown.",
     epilog="Example: testbed campaign check my-campaign.toml",
 )
-def check(file: FileArg, as_json: JsonOption = False) -> None:
+def check(file: FileArg, parts: PartsOption = None, as_json: JsonOption = False) -> None:
     """Read a campaign file, resolve every run of it, and say how many there are. Flies nothing."""
     from testbed.campaigns.distinct import check_distinct
     from testbed.campaigns.file import load
     from testbed.campaigns.plan import base, expand
+    from testbed.campaigns.sent_parts import OwnParts
 
     campaign, here = load(file)
-    plan = expand(campaign, base(campaign, here))
+    plan = expand(campaign, base(campaign, here), parts=OwnParts.of(named(parts)))
     check_distinct(plan)
     if as_json:
         cells = [cell.label for cell in plan.cells]

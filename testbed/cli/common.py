@@ -13,6 +13,8 @@ from testbed.errors import UserError
 
 if TYPE_CHECKING:
     from testbed.campaigns.display import Display
+    from testbed.components.components import Parts
+    from testbed.components.named_parts import NamedPart
     from testbed.records.run import Run
     from testbed.scenario.scenario import Scenario
     from testbed.studies.common.found import Found
@@ -30,6 +32,15 @@ ForceOption = Annotated[bool, typer.Option("--force", help="fly even if the star
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace an earlier run in that folder")]
 JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
 
+PartsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--parts",
+        metavar="FILE.py:NAME",
+        help="fly a filter, guidance, plant or environment of your own: my_parts.py:Cone, or"
+        " 'my_parts.py:Cone(gain=2)'; may be repeated",
+    ),
+]
 PlantOption = Annotated[str | None, typer.Option("--plant", help="unicycle, lagged or jsbsim")]
 SeedsOption = Annotated[int, typer.Option("--seeds", help="number of runs of each setting, from seed 1")]
 
@@ -81,6 +92,30 @@ def show_study(found: Found, as_json: bool) -> None:
     print(f"tables and figures: {found.folder}")
 
 
+def parts_of(texts: list[str] | None) -> Parts | None:
+    """The parts that `--parts` names; None for none. UserError in one line where they cannot be had."""
+    if not texts:
+        return None
+    from testbed.components.components import Parts
+
+    return Parts.of(named(texts))
+
+
+def named(texts: list[str] | None) -> list[NamedPart]:
+    """The parts that `--parts` names, several of one role too."""
+    from testbed.components.named_parts import read
+
+    return read(texts or [])
+
+
+def folder_name(s: Scenario, parts: Parts | None, *more: str) -> str:
+    """The folder's name by default: the scenario, what the user's own parts are called, and more."""
+    from testbed.components.installed_parts import effective
+
+    own = effective(s, parts).own()
+    return "-".join([s.name, *more, *(origin.name.rpartition(".")[2] for origin in own.values())])
+
+
 def scenario_of(source: str, overrides: list[str] | None, seed: int | None, plant: str | None) -> Scenario:
     from testbed.scenario.scenario import load
 
@@ -91,11 +126,11 @@ def with_seed(overrides: list[str] | None, seed: int | None) -> list[str]:
     return [*(overrides or []), *([f"seed={seed}"] if seed is not None else [])]
 
 
-def fly_into(s: Scenario, where: Path, force: bool, overwrite: bool) -> Run:
+def fly_into(s: Scenario, where: Path, force: bool, overwrite: bool, parts: Parts | None = None) -> Run:
     from testbed.simulation.simulate import run as fly
 
     with display() as bar:
-        return fly(s, where, force=force, overwrite=overwrite, progress=bar.track(s.plant))
+        return fly(s, where, force=force, overwrite=overwrite, progress=bar.track(s.plant), parts=parts)
 
 
 def display() -> Display:

@@ -12,10 +12,13 @@ from testbed.cli.common import (
     JsonOption,
     OutOption,
     OverwriteOption,
+    PartsOption,
     PlantOption,
     ScenarioArg,
     SetOption,
     WorkersOption,
+    folder_name,
+    parts_of,
     scenario_of,
     show_study,
 )
@@ -54,6 +57,7 @@ def falsify(
     ] = False,
     plant: PlantOption = None,
     set_: SetOption = None,
+    parts: PartsOption = None,
     out: OutOption = None,
     workers: WorkersOption = None,
     overwrite: OverwriteOption = False,
@@ -74,7 +78,8 @@ def falsify(
     from testbed.studies.falsify.study import write
 
     s = scenario_of(scenario, set_, None, plant)
-    where = out or Path("runs") / f"{s.name}-falsify"
+    own = parts_of(parts)
+    where = out or Path("runs") / folder_name(s, own, "falsify")
     check_free(where, overwrite)
     if budget < 1:
         raise UserError(f"--budget {budget}: give at least 1")
@@ -82,5 +87,5 @@ def falsify(
         raise UserError(f"--guarantee {guarantee}: give {' or '.join(GUARANTEES)}")
     space = Space.of(s, bounds(s, lateral, heading, height, wind, latency))
     with nullcontext() if workers == 1 else executor(workers) as pool:
-        result = search(Flights(space, guarantee, budget, pool), seed, thorough)
-    show_study(write(result, where, overwrite), as_json)
+        result = search(Flights(space, guarantee, budget, pool, parts=own), seed, thorough)
+    show_study(write(result, where, overwrite, parts or []), as_json)

@@ -12,12 +12,15 @@ from testbed.cli.common import (
     JsonOption,
     OutOption,
     OverwriteOption,
+    PartsOption,
     PlantOption,
     ScenarioArg,
     SeedsOption,
     SetOption,
     WorkersOption,
     count,
+    folder_name,
+    parts_of,
     scenario_of,
     show_study,
 )
@@ -33,6 +36,7 @@ def margin(
     ] = 0.01,
     plant: PlantOption = "jsbsim",
     set_: SetOption = None,
+    parts: PartsOption = None,
     out: OutOption = None,
     seeds: SeedsOption = 20,
     workers: WorkersOption = None,
@@ -43,5 +47,6 @@ def margin(
     from testbed.studies.margin.study import margin as find
 
     s = scenario_of(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)
-    where = out or Path("runs") / f"{s.name}-margin-{knob}"
-    show_study(find(s, knob, target_rate, count(seeds), where, workers, overwrite), as_json)
+    own = parts_of(parts)
+    where = out or Path("runs") / folder_name(s, own, "margin", knob)
+    show_study(find(s, knob, target_rate, count(seeds), where, workers, overwrite, own), as_json)

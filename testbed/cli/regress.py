@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.common import STUDY_RATES, JsonOption, SetOption, WorkersOption
+from testbed.cli.common import STUDY_RATES, JsonOption, PartsOption, SetOption, WorkersOption, parts_of
 
 app = typer.Typer(no_args_is_help=True, help="Record baselines and check that nothing flies worse.")
 
@@ -42,6 +42,7 @@ def record(
         str | None,
         typer.Option("--rungs", help="rungs of the fidelity ladder; default unicycle,6-DOF"),
     ] = None,
+    parts: PartsOption = None,
     baselines: BaselinesOption = None,
     workers: WorkersOption = None,
     as_json: JsonOption = False,
@@ -58,7 +59,7 @@ def record(
     names = [r.strip() for r in rungs.split(",") if r.strip()] if rungs is not None else None
     made, path = make(
         folder(Path(), baselines), name, scenario, overrides,
-        reason=reason, seeds=seeds, blocks=blocks, rungs=names, workers=workers,
+        reason=reason, seeds=seeds, blocks=blocks, rungs=names, workers=workers, parts=parts_of(parts),
     )  # fmt: skip
     if as_json:
         said = {"baseline": str(path), "blocks": made.blocks, "seeds": made.seeds, "rungs": list(made.rungs)}
@@ -84,6 +85,7 @@ def check(
     every: Annotated[
         bool, typer.Option("--all", help="show every quantity, not only those that changed")
     ] = False,
+    parts: PartsOption = None,
     baselines: BaselinesOption = None,
     workers: WorkersOption = None,
     as_json: JsonOption = False,
@@ -101,7 +103,10 @@ def check(
     chosen = names or known(where)
     if not chosen:
         raise UserError(f"no baselines in {where}; record one: testbed regress record NAME --scenario FILE")
-    reports = {n: judge(where, n, block=block, overrides=set_ or [], workers=workers) for n in chosen}
+    own = parts_of(parts)
+    reports = {
+        n: judge(where, n, block=block, overrides=set_ or [], workers=workers, parts=own) for n in chosen
+    }
     if as_json:
         from testbed.records.checksums import plain
 

@@ -12,12 +12,15 @@ from testbed.cli.common import (
     JsonOption,
     OutOption,
     OverwriteOption,
+    PartsOption,
     PlantOption,
     ScenarioArg,
     SeedsOption,
     SetOption,
     WorkersOption,
     count,
+    folder_name,
+    parts_of,
     scenario_of,
     show_study,
 )
@@ -29,6 +32,7 @@ def remedies(
     scenario: ScenarioArg,
     plant: PlantOption = "jsbsim",
     set_: SetOption = None,
+    parts: PartsOption = None,
     out: OutOption = None,
     seeds: SeedsOption = 20,
     first_seed: Annotated[int, typer.Option("--first-seed", help="the seed of the first run")] = 1,
@@ -43,6 +47,7 @@ def remedies(
     from testbed.studies.remedies.study import compare
 
     s = scenario_of(scenario, [*STUDY_RATES, *(set_ or [])], None, plant)
-    where = out or Path("runs") / f"{s.name}-remedies"
+    own = parts_of(parts)
+    where = out or Path("runs") / folder_name(s, own, "remedies")
     chosen = range(first_seed, first_seed + count(seeds))
-    show_study(compare(s, chosen, only or [], where, workers, overwrite), as_json)
+    show_study(compare(s, chosen, only or [], where, workers, overwrite, own), as_json)

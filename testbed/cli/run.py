@@ -10,16 +10,22 @@ from testbed.cli.common import (
     JsonOption,
     OutOption,
     OverwriteOption,
+    PartsOption,
     PlantOption,
     ScenarioArg,
     SeedOption,
     SetOption,
     fly_into,
+    folder_name,
+    parts_of,
     scenario_of,
     show,
 )
 
-EXAMPLE = "Example: testbed run paper-2-turn --plant jsbsim --set d_safe_m=8 --out runs/wide"
+EXAMPLE = (
+    "Examples: testbed run paper-2-turn --plant jsbsim --set d_safe_m=8 --out runs/wide;"
+    " testbed run paper-2-turn --parts 'my_parts.py:Cone(gain=2)'"
+)
 
 
 def run(
@@ -27,6 +33,7 @@ def run(
     plant: PlantOption = None,
     set_: SetOption = None,
     seed: SeedOption = None,
+    parts: PartsOption = None,
     out: OutOption = None,
     force: ForceOption = False,
     overwrite: OverwriteOption = False,
@@ -35,12 +42,14 @@ def run(
     """Fly one scenario on one plant, judge it, and write a run folder."""
     from testbed.records.checksums import plain
     from testbed.report.tables import scorecard
+    from testbed.studies.common.found import titled
 
     s = scenario_of(scenario, set_, seed, plant)
-    where = out or Path("runs") / f"{s.name}-{s.plant}"
-    result = fly_into(s, where, force, overwrite)
+    own = parts_of(parts)
+    where = out or Path("runs") / folder_name(s, own, s.plant)
+    result = fly_into(s, where, force, overwrite, own)
     if as_json:
         print(json.dumps({"run": str(where), "guarantees": plain(result.guarantees)}, indent=2))
         return
-    show(scorecard({s.plant: result}, f"{s.name} on {s.plant}"))
+    show(scorecard({result.part("plant") or s.plant: result}, titled(s, own)))
     print(f"run folder: {where}")

@@ -22,7 +22,7 @@ from filters.barriers.per_pair import PerPair
 from filters.cbf.collision import CollisionFilter, Passthrough
 from filters.cbf.fence_constraints import FenceConstraints
 from filters.cbf.theorem_monitor import Monitor
-from filters.filter import Filter
+from filters.filter import Choose, Filter
 from filters.model import Array, Command, Limits
 from testbed.components import remedies
 from testbed.components.fences import fences
@@ -176,7 +176,7 @@ FILTERS: dict[str, Callable[[Scenario, Barrier, Array], Filter]] = {
 }
 
 
-def filter_(s: Scenario, b: Barrier, goal: Array) -> Filter:
+def filter_(s: Scenario, b: Barrier, goal: Array) -> Choose:
     """The filter of the scenario with its remedies; `b` is the barrier that verdicts use."""
     changed = remedies.scenario(s)
     own = b if changed is s else barrier(changed)

@@ -13,7 +13,7 @@ from aircraft.airframes.schema import Airframe, Channel
 from aircraft.kinematic import Lag
 from filters.barriers.pairs import Barrier
 from filters.constraints import Margin
-from filters.filter import Filter
+from filters.filter import Choose
 from filters.wrappers.air_mass import AirMass
 from filters.wrappers.pose_prediction import Horizon, LaggedPose, Predicted
 from filters.wrappers.row_margins import BoundedError, InputToState, Sum
@@ -21,8 +21,13 @@ from testbed.errors import UserError
 from testbed.scenario import fleet
 from testbed.scenario.barrier import Euclidean, Manoeuvre, Pair, PairTurns, Rollout, Straight, Turn
 from testbed.scenario.nonideal import TableLags
-from testbed.scenario.remedy import Remedy
+from testbed.scenario.remedy import OF_THE_BARRIER, Remedy
 from testbed.scenario.scenario import Scenario
+
+# Fields that the testbed applies to any filter: to the Ds and manoeuvre it is made for, or around it.
+FOR_ANY_FILTER = frozenset(
+    f"remedy.{name}" for name in (*OF_THE_BARRIER, "prediction_s", "predict_lags", "air_mass")
+)
 
 Moved = TypeVar("Moved", Manoeuvre, Pair)
 
@@ -50,6 +55,18 @@ def scenario(s: Scenario) -> Scenario:
     return s.model_copy(update=update)
 
 
+def for_own_filter(s: Scenario) -> Scenario:
+    """The scenario that a user's filter is made from: `scenario(s)` without the remedies that are applied.
+
+    What remains in its [remedy] is for the filter itself to take.
+    """
+    applied = {name: type(s.remedy).model_fields[name].default for name in s.remedy.chosen}
+    applied = {name: value for name, value in applied.items() if f"remedy.{name}" in FOR_ANY_FILTER}
+    if not applied:
+        return s
+    return scenario(s).model_copy(update={"remedy": s.remedy.model_copy(update=applied)})
+
+
 def _derated(m: Moved, r: Remedy) -> Moved:
     return m.model_copy(update={"v_mps": m.v_mps * r.derate_speed, "omega_degps": m.omega_degps * r.derate})
 
@@ -68,8 +85,8 @@ def margin(s: Scenario) -> Margin | None:
 
 
 def wrap(
-    s: Scenario, made: Filter, own: Barrier, lags: Callable[[Scenario], list[tuple[Lag, ...]]]
-) -> Filter:
+    s: Scenario, made: Choose, own: Barrier, lags: Callable[[Scenario], list[tuple[Lag, ...]]]
+) -> Choose:
     """`made` with what the remedies wrap around it: predicted poses, and the frame of the air.
 
     own  the filter's own barrier

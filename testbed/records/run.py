@@ -147,6 +147,16 @@ def called(origin: Mapping[str, Any]) -> str:
     return f"{origin['name']}({given})" if given else str(origin["name"])
 
 
+def option(origin: Mapping[str, Any]) -> str:
+    """How to give the part of an origin again: by `--parts` with its file, whose folder is not known."""
+    if origin.get("package"):
+        return f"give that part of package {origin['package']} again with --parts"
+    if not origin.get("file") or "<" in origin["name"]:
+        return "it is not in a file by name, so that only the Python program that made it can give it again"
+    stem = str(origin["file"]).removesuffix(".py")
+    return f"give --parts '{origin['file']}:{called(origin).removeprefix(stem + '.')}'"
+
+
 @dataclass
 class Run:
     """One finished run: settings, verdicts, tables.

@@ -37,7 +37,7 @@ class Baseline:
     tolerances  rung -> quantity -> its unit; nan where there is nothing to compare
     runs        rung -> quantity -> (blocks * seeds,), nan where a run has no value
     history     one entry per recording, oldest first: reason, versions of what numbers depend on, airframes
-                (name -> SHA-256 of files and gains), and what it changed
+                (name -> SHA-256 of files and gains), the user's own parts, and what it changed
     """
 
     name: str
@@ -58,6 +58,11 @@ class Baseline:
     @property
     def airframes(self) -> dict[str, str]:
         return dict(self.history[-1]["airframes"])
+
+    @property
+    def parts(self) -> dict[str, dict[str, Any]]:
+        """Parts of the user's own that flew: role -> origin."""
+        return dict(self.history[-1].get("parts", {}))
 
     @property
     def quantities(self) -> list[Quantity]:

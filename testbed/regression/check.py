@@ -11,9 +11,11 @@ import numpy as np
 
 from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
+from testbed.components.components import Parts
 from testbed.errors import UserError
 from testbed.regression.baseline import Baseline, read, scenario_of
 from testbed.regression.judging import DEGRADED, Finding, findings
+from testbed.regression.own_parts import changed_parts, check_given, own_parts
 from testbed.regression.recording import AIRCRAFT, UNICYCLE, Runs, fly_rungs
 from testbed.regression.staleness import refuse_stale
 from testbed.statistics import mean
@@ -64,11 +66,13 @@ def check(
     block: int = 1,
     overrides: Sequence[str] = (),
     workers: int | None = None,
+    parts: Parts | None = None,
 ) -> Report:
     """Fly block `block` of baseline `name` in folder `where`, and judge it.
 
     block      recorded blocks are compared run by run with what the same seeds gave; a later one is fresh
                and compared with all recorded runs
+    parts      of the user's own: needed where the baseline was recorded with some; a changed one is named
     overrides  FIELD=VALUE: what would become of the baseline with these changed
     Raises     UserError if there is no such baseline, its scenario changed, or an airframe's derived numbers
                are stale
@@ -79,7 +83,9 @@ def check(
     s = scenario_of(b.source, [*b.overrides, *overrides], where) if overrides else b.scenario
     first = (block - 1) * b.seeds
     refuse_stale(s)
-    now = fly_rungs(s, b.rungs, range(first + 1, first + b.seeds + 1), workers)
+    own = own_parts(s, parts)
+    check_given(name, b.parts, own)
+    now = fly_rungs(s, b.rungs, range(first + 1, first + b.seeds + 1), workers, parts)
     paired = block <= b.blocks
     recorded: Runs = b.runs
     if paired:
@@ -90,7 +96,8 @@ def check(
     title = f"{name}: {kind} seeds {first + 1} to {first + b.seeds}, {len(found)} quantities compared"
     flown = catalogue.airframe_hashes(s.model_copy(update={"plant": "jsbsim"}))
     lines = [f.sentence() for f in found if f.verdict] + _where(found, paired) + _price(recorded, now)
-    return Report(title, found, lines + _news(b, flown) + [_verdict(name, found)])
+    news = changed_parts(b.parts, own) + _news(b, flown)
+    return Report(title, found, lines + news + [_verdict(name, found)])
 
 
 def _where(found: list[Finding], paired: bool) -> list[str]:

@@ -27,18 +27,27 @@ class FidelityBaseline:
         return folder(self._root)
 
     def check(
-        self, name: str, *, block: int = 1, overrides: Sequence[str] = (), workers: int | None = 1
+        self,
+        name: str,
+        *,
+        block: int = 1,
+        overrides: Sequence[str] = (),
+        workers: int | None = 1,
+        parts: Sequence[str] = (),
     ) -> None:
         """Fail the test, with the table of `testbed regress check`, if baseline `name` has degraded.
 
-        block, overrides, workers  as that command's --block, --set and --workers
+        block, overrides, workers, parts  as that command's --block, --set, --workers and --parts
         """
         __tracebackhide__ = True
+        from testbed.components.components import Parts
+        from testbed.components.named_parts import read
         from testbed.errors import UserError
         from testbed.regression.check import check
 
         try:
-            report = check(self.folder, name, block=block, overrides=overrides, workers=workers)
+            own = Parts.of(read(parts)) if parts else None
+            report = check(self.folder, name, block=block, overrides=overrides, workers=workers, parts=own)
         except UserError as error:
             pytest.fail(str(error), pytrace=False)
         if report.degraded:

@@ -9,12 +9,13 @@ import numpy as np
 
 from testbed.campaigns.job import Job
 from testbed.claims import registry
+from testbed.components.components import Parts
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.verdict import Status
 from testbed.scenario.scenario import Scenario, parse
 from testbed.simulation.simulate import run
-from testbed.studies.common.measure import Fields, override
+from testbed.studies.common.measure import Fields, job_of, override
 
 
 @dataclass(frozen=True)
@@ -75,17 +76,17 @@ def quantities(s: Scenario) -> list[Quantity]:
     return [*found, Quantity(f"not {_END}", "", +1, 0.0, verdict=True)]
 
 
-def job(s: Scenario, label: str, fields: Fields, seed: int) -> Job:
+def job(s: Scenario, label: str, fields: Fields, seed: int, parts: Parts | None = None) -> Job:
     """A run of `s` with `fields` set, recorded at every filter step: tracking and ledger need all of them."""
     data = json.loads(override(s, fields))
     data["rates"]["record_dt_s"] = data["rates"]["filter_dt_s"]
-    return Job(label, json.dumps(data, sort_keys=True), seed)
+    return job_of(label, json.dumps(data, sort_keys=True), seed, parts)
 
 
 def fly(job: Job) -> dict[str, float | None]:
     """Quantity -> its value, to six digits; None where the run has none, as one that ended early."""
     s = parse(json.loads(job.data) | {"seed": job.seed})
-    done = run(s, force=True)
+    done = run(s, force=True, parts=job.own())
     names = [q.name for q in quantities(s)]
     if done.manifest["ended_early"]:
         return {n: 1.0 if n.endswith(" lost") or n == f"not {_END}" else None for n in names}

@@ -13,9 +13,11 @@ from testbed.campaigns.engine import fly_all
 from testbed.campaigns.job import Job
 from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
+from testbed.components.components import Parts
 from testbed.errors import UserError, nearest
 from testbed.regression.baseline import Baseline, differences, parse_file, place, relative, scenario_of, write
 from testbed.regression.judging import findings
+from testbed.regression.own_parts import changed_parts, check_given, own_parts
 from testbed.regression.quantities import fly, job, quantities
 from testbed.regression.staleness import refuse_stale
 from testbed.regression.tolerance import seeds_needed, tolerance
@@ -49,11 +51,18 @@ def rung_fields(s: Scenario, names: list[str]) -> dict[str, Fields]:
 
 
 def fly_rungs(
-    s: Scenario, rungs: dict[str, Fields], seeds: Iterable[int], workers: int | None = None
+    s: Scenario,
+    rungs: dict[str, Fields],
+    seeds: Iterable[int],
+    workers: int | None = None,
+    parts: Parts | None = None,
 ) -> Runs:
-    """Rung -> quantity -> (n,) over `seeds`, nan where a run has no value."""
+    """Rung -> quantity -> (n,) over `seeds`, nan where a run has no value.
+
+    parts  of the user's own, in every run
+    """
     chosen = list(seeds)
-    jobs = [job(s, rung, fields, seed) for rung, fields in rungs.items() for seed in chosen]
+    jobs = [job(s, rung, fields, seed, parts) for rung, fields in rungs.items() for seed in chosen]
     rows = fly_all(fly, jobs, workers, said=_said)
     found: Runs = {}
     for k, rung in enumerate(rungs):
@@ -78,9 +87,11 @@ def record(
     blocks: int | None = None,
     rungs: list[str] | None = None,
     workers: int | None = None,
+    parts: Parts | None = None,
 ) -> tuple[Baseline, Path]:
     """Fly and write baseline `name` in folder `where`; what is not given is as the old one has it.
 
+    parts    of the user's own, in every run: a baseline that was recorded with some needs them again
     reason   why it may change: needed where it exists, kept in its history with what it changed
     Raises   UserError for an unknown scenario or rung, too few seeds, an existing baseline without a reason
     """
@@ -110,7 +121,10 @@ def record(
         raise UserError(f"--blocks {m}: give at least 2, the spread over seeds is estimated from them")
     refuse_stale(s)
     check_random(s, "a baseline", n * m, one_will_do=False)
-    runs = fly_rungs(s, chosen, range(1, n * m + 1), workers)
+    own = own_parts(s, parts)
+    if old is not None:
+        check_given(name, old.parts, own)
+    runs = fly_rungs(s, chosen, range(1, n * m + 1), workers, parts)
     tolerances = {
         rung: {q.name: tolerance(q, of[q.name], n) for q in quantities(s)} for rung, of in runs.items()
     }
@@ -120,6 +134,8 @@ def record(
         "versions": catalogue.versions(),
         "airframes": catalogue.airframe_hashes(flown),
     }
+    if own:
+        said["parts"] = own
     history = [*(old.history if old else []), said]
     made = Baseline(name, kept, overrides, s, chosen, n, m, tolerances, runs, history)
     if old is not None:
@@ -138,6 +154,7 @@ def _parse_old(path: Path) -> Baseline | None:
 def _changed(old: Baseline, new: Baseline) -> list[str]:
     """In words, what a re-recording changed: scenario, airframes, and quantities on the seeds both flew."""
     said = [f"scenario: {d}" for d in differences(old.scenario, new.scenario)]
+    said += changed_parts(old.parts, new.parts)
     said += [f"airframe {a}" for a in new.airframes if new.airframes[a] != old.airframes.get(a)]
     common = min(old.seeds * old.blocks, new.seeds * new.blocks)
     now = {rung: {q: v[:common] for q, v in of.items()} for rung, of in new.runs.items() if rung in old.runs}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from testbed.components.border.making import WORDS
 from testbed.records.run import Run, called
 
 # Hexadecimal digits of a checksum that are shown.
@@ -17,8 +18,8 @@ def named(run: Run, part: str, scenarios: str) -> str:
 
 
 def origins(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Part -> name, file and checksum, for the parts of a run's manifest that are the user's own."""
-    return {part: _said(origin) for part, origin in manifest.get("parts", {}).items()}
+    """Role -> name, file and checksum, for the parts of a run's manifest that are the user's own."""
+    return {WORDS.get(part, part): _said(origin) for part, origin in manifest.get("parts", {}).items()}
 
 
 def sentence(manifest: Mapping[str, Any]) -> str:

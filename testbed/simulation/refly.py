@@ -17,30 +17,39 @@ from typing import Any
 import numpy as np
 
 from testbed.components import catalogue
+from testbed.components.border.making import WORDS
+from testbed.components.components import Parts
+from testbed.components.installed_parts import effective
 from testbed.errors import UserError
 from testbed.records.checksums import sha256
+from testbed.records.run import called, option
 from testbed.scenario.location import identity, placed
 from testbed.scenario.scenario import is_old, parse, settled
 from testbed.simulation.simulate import Progress, run
 from testbed.verification.finding import Finding
 
+Origins = dict[str, dict[str, Any]]
 # Manifest fields that equal runs need not share, or that are compared by themselves.
-PASSING = {"sha256", "files", "versions", "airframes"}
+PASSING = {"sha256", "files", "versions", "airframes", "parts"}
 
 
-def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
+def refly(folder: Path, progress: Progress | None = None, parts: Parts | None = None) -> list[Finding]:
     """Fly the run in `folder` again; a finding per table and airframe, and one per claim that differs.
 
+    parts  of the user's own, that the run flew with; without them it is not flown again
     Any difference is a finding that does not agree, whatever its cause; the packages whose versions differ
     are named with it.
     Raises  UserError if its scenario is none.
     """
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    if parts := manifest.get("parts"):
-        words = ", ".join(f"{what} {origin['name']}" for what, origin in sorted(parts.items()))
-        return [Finding("flown again", "a run", "not flown", None, None, f"it had parts of its own: {words}")]
     data, where = placed(manifest["scenario"], folder), f"{folder / 'manifest.json'}: scenario"
     s = settled(data, where)[0] if is_old(data) else parse(data, where, keep_idle=True)
+    try:
+        own = {role: origin.to_json() for role, origin in effective(s, parts).own().items()}
+    except UserError as error:
+        return [Finding("flown again", "a run", "not flown", False, None, str(error))]
+    if unflown := list(_parts(manifest.get("parts", {}), own, parts is not None)):
+        return unflown
     try:
         found = list(_airframes(manifest, catalogue.airframe_hashes(s)))
     except UserError as error:
@@ -48,7 +57,7 @@ def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
     with tempfile.TemporaryDirectory() as place:
         again = Path(place) / "again"
         try:
-            run(s, again, force=True, progress=progress)
+            run(s, again, force=True, progress=progress, parts=parts)
         except UserError as error:
             return [*found, Finding("flown again", "a run", "refused", False, None, str(error))]
         found += _compared(folder, again, manifest)
@@ -56,6 +65,30 @@ def refly(folder: Path, progress: Progress | None = None) -> list[Finding]:
     if not other:
         return found
     return [f if f.agrees else replace(f, why="; ".join(filter(None, (f.why, other)))) for f in found]
+
+
+def _parts(there: Origins, here: Origins, given: bool) -> Iterator[Finding]:
+    """Why the run cannot be flown again with the parts that are given here: none where it can."""
+    for role in sorted(there | here):
+        said, own = there.get(role), here.get(role)
+        what, name = f"flown again: {WORDS[role]}", called(said) if said else "the scenario's"
+        if said is not None and own is None:
+            # Without --parts nobody said that it is the same; with other parts it is a difference.
+            agrees = False if given else None
+            yield Finding(what, name, "not given", agrees, None, f"a part of its own; {option(said)}")
+        elif said is None and own is not None:
+            yield Finding(what, name, called(own), False, None, "the run flew without it; leave it out")
+        elif said is not None and own is not None and _told(said) != _told(own):
+            yield Finding(what, _known(said), _known(own), False, None, "it is not the part that flew")
+
+
+def _told(origin: dict[str, Any]) -> dict[str, Any]:
+    """What an origin says, but for the module's name, which may be that of a script."""
+    return origin | {"name": str(origin["name"]).rpartition(".")[2]}
+
+
+def _known(origin: dict[str, Any]) -> str:
+    return f"{called(origin)} {str(origin.get('sha256'))[:12]}"
 
 
 def _airframes(manifest: dict[str, Any], here: dict[str, str]) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ from testbed.components import catalogue
 from testbed.components.border.contract import Breach
 from testbed.components.border.others import OwnFilter
 from testbed.components.components import Parts
+from testbed.components.installed_parts import effective
 from testbed.components.provenance import Origin
 from testbed.measures.between_samples import ArcApproach
 from testbed.measures.declared_barrier import DeclaredBarrier
@@ -57,8 +58,8 @@ class Session:
 
     def __init__(self, scenario: Scenario, parts: Parts, force: bool, sink: Sink | None) -> None:
         self.scenario = scenario
-        self._parts, self._force, self._sink = parts, force, sink
-        self._own = parts.own()
+        self._parts, self._force, self._sink = effective(scenario, parts), force, sink
+        self._own = self._parts.own()
         self._setting: Setting | None = None
         self._made: Assembled | None = None
         self._open = False

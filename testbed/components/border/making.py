@@ -12,6 +12,7 @@ from aircraft.plant import Plant
 from filters.barriers.pairs import Barrier
 from filters.filter import Choose
 from filters.model import Array, Limits
+from testbed.components import catalogue, remedies
 from testbed.components.border.contract import Contract, locked
 from testbed.components.border.others import OwnEnvironment, OwnFilter, OwnGuidance
 from testbed.components.border.plant import OwnPlant
@@ -71,8 +72,14 @@ class Maker:
         if "filter" not in self._own:
             return self._parts.filter(self._scenario, self._barrier, self._goal)
         contract = self._contract("filter")
-        given = self._copied(), copy.deepcopy(self._barrier), locked(self._goal.copy())
-        return OwnFilter(contract, self._make(contract, self._parts.filter, *given), self._limits)
+        s, barrier = remedies.for_own_filter(self._scenario), self._barrier
+        if s is not self._scenario:
+            barrier = catalogue.barrier(s)
+        given = s.model_copy(deep=True), copy.deepcopy(barrier), locked(self._goal.copy())
+        made = self._make(contract, self._parts.filter, *given)
+        if callable(made):
+            made = remedies.wrap(self._scenario, made, barrier, catalogue.lags)
+        return OwnFilter(contract, made, self._limits)
 
     def guidance(self) -> Guidance:
         """The guidance."""

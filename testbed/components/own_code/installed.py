@@ -12,14 +12,7 @@ from typing import Any
 
 from testbed.components.own_code.spelling import ROLES
 from testbed.errors import UserError, nearest, short
-
-# Role -> group of entry points.
-GROUPS = {
-    "plant": "cbf_jsbsim_testbed.plants",
-    "filter": "cbf_jsbsim_testbed.filters",
-    "guidance": "cbf_jsbsim_testbed.guidance",
-    "environment": "cbf_jsbsim_testbed.environments",
-}
+from testbed.scenario.installed import GROUPS, names
 
 
 @dataclass(frozen=True)
@@ -67,11 +60,6 @@ class Installed:
         except Exception as error:
             said = f"{type(error).__name__}: {' '.join(str(error).split())}"
             raise UserError(f"{self.role} {self.entry}: importing {self.value} raised {said}") from None
-
-
-def names(role: str) -> list[str]:
-    """Names of the parts of that role that installed packages offer; nothing is imported."""
-    return sorted({point.name for point in entry_points(group=GROUPS[role])})
 
 
 def find(name: str, role: str | None = None) -> Installed:

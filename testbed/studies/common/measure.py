@@ -4,27 +4,31 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 from testbed.campaigns.job import Job
+from testbed.campaigns.sent_parts import SentParts
 from testbed.claims.registry import GOAL, INTERVENTION, QP_FEASIBILITY, SAFE_SET, SEPARATION, START_SAFE
 from testbed.components.components import Parts
-from testbed.scenario.scenario import Scenario
+from testbed.components.installed_parts import effective
+from testbed.scenario.scenario import Scenario, parse
 
 Fields = dict[str, Any]
 STARTS = {"lateral_perturbation_m": 10.0, "heading_perturbation_deg": 5.0, "height_perturbation_m": 1.0}
 
 
 def measure(job: Job, parts: Parts | None = None) -> dict[str, Any]:
-    """Fly `job`, with components of one's own or the scenario's; what the ladder compares.
+    """Fly `job` and return what studies compare.
 
+    parts  instead of the job's own
     A run that cannot start has nan values and says why.
     """
     from testbed.errors import UserError
     from testbed.simulation.simulate import run
 
     try:
-        done = run(job.scenario(), force=True, parts=parts)
+        done = run(job.scenario(), force=True, parts=parts or job.own())
     except UserError as error:
         return {"rung": job.label, "seed": job.seed, "refused": str(error)}
     row = {
@@ -57,7 +61,23 @@ def keys(jobs: Iterable[Job]) -> list[str]:
     from testbed.campaigns.identity import RunIds
 
     ids = RunIds(__name__)
-    return [ids.of(job.data, job.seed) for job in jobs]
+    return [ids.of(job.data, job.seed, job.parts.origins if job.parts else "") for job in jobs]
+
+
+def job_of(
+    label: str, data: str, seed: int, parts: Parts | None = None, guarantee: str = "", force: bool = True
+) -> Job:
+    """One run of a study: the scenario of `data` (JSON) with the parts that were given.
+
+    Raises  UserError for a part that cannot be told apart by checksum, or sent to a worker
+    """
+    return Job(label, data, seed, guarantee, force, parts=_sent(data, parts))
+
+
+@lru_cache(maxsize=256)
+def _sent(data: str, parts: Parts | None) -> SentParts | None:
+    # A scenario may name parts of installed packages.
+    return SentParts.of(effective(parse(json.loads(data), keep_idle=True), parts))
 
 
 def said(job: Job, row: dict[str, Any]) -> str:

@@ -71,7 +71,9 @@ def falsify(search: Flights, seed: int, thorough: bool = False) -> Falsified:
     result = Falsified(space, search.guarantee, search.most, seed, search, found)
     if found is None or not found.x.any():
         return result
-    shrinks = result.shrinks = Flights(space, search.guarantee, search.most, search.pool, search.work)
+    shrinks = result.shrinks = Flights(
+        space, search.guarantee, search.most, search.pool, search.work, search.parts
+    )
     parts = [a.coordinates for a in space.atoms]
     kinds = [tuple(space.coordinates([kind]).tolist()) for kind in DROPPED]
     small = shrink(found.x, [k for k in kinds if k], parts, lambda xs: shrinks.first("shrink", xs))

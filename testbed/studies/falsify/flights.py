@@ -13,7 +13,8 @@ from filters.model import Array
 from testbed.campaigns.display import say
 from testbed.campaigns.inprocess import InProcess
 from testbed.campaigns.job import Job
-from testbed.studies.common.measure import override
+from testbed.components.components import Parts
+from testbed.studies.common.measure import job_of, override
 from testbed.studies.falsify.space import Space
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def fly(job: Job) -> dict[str, Any]:
 
     result = {"margin": nan, "value": nan, "violated": False, "refused": "", "vehicles": (), "t_s": nan}
     try:
-        entry = run(job.scenario()).guarantee(job.guarantee)
+        entry = run(job.scenario(), parts=job.own()).guarantee(job.guarantee)
     except UserError as error:
         return result | {"refused": str(error)}
     if entry["margin"] is None:  # not applicable
@@ -74,6 +75,7 @@ class Flights:
 
     pool   None flies in this process
     work   what flies a job (for tests)
+    parts  of the user's own, in every run
     flown  every flight so far
     """
 
@@ -82,6 +84,7 @@ class Flights:
     most: int
     pool: Executor | None = None
     work: Callable[[Job], dict[str, Any]] = fly
+    parts: Parts | None = None
     flown: list[Flight] = field(default_factory=list)
 
     @property
@@ -107,7 +110,8 @@ class Flights:
 
     def _fly(self, stage: str, points: Sequence[Array]) -> list[Flight]:
         seed = self.space.scenario.seed
-        jobs = [Job(stage, override(self.space.at(x), {}), seed, self.guarantee) for x in points]
+        data = [override(self.space.at(x), {}) for x in points]
+        jobs = [job_of(stage, of, seed, self.parts, self.guarantee) for of in data]
         pool = InProcess() if self.pool is None or len(jobs) < 2 else self.pool
         outcomes = sorted(pool.imap(self.work, jobs), key=lambda o: o.index)
         results = [outcome.value() for outcome in outcomes]

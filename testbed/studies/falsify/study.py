@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from testbed.records.store import staged, write_json
 from testbed.scenario.location import moved, placed
 from testbed.scenario.scenario import Scenario, load, parse
 from testbed.simulation.simulate import run as fly
-from testbed.studies.common.found import Found
+from testbed.studies.common.found import Found, titled
 from testbed.studies.falsify import figures
 from testbed.studies.falsify.falsify import Falsified
 from testbed.studies.falsify.flights import Flight
@@ -19,9 +20,10 @@ from testbed.studies.falsify.flights import Flight
 FILE = "scenario.toml"
 
 
-def write(result: Falsified, out: Path, overwrite: bool) -> Found:
+def write(result: Falsified, out: Path, overwrite: bool, parts: Sequence[str] = ()) -> Found:
     """Write `out`: scenario.toml, falsify.json, flights.csv, figures; what to print of it.
 
+    parts  the user's own as `--parts` names them, for the command that reproduces it
     The file is flown once more, as it stands there. Raises RuntimeError if that gives another value than
     the search saw: then a run depends on something that its scenario does not say.
     """
@@ -30,15 +32,15 @@ def write(result: Falsified, out: Path, overwrite: bool) -> Found:
     shown = result.shrunk or result.least
     s = described(result, shown)
     with staged(out, overwrite) as folder:
-        (folder / FILE).write_text(text(s, heading(result, shown, out), folder), encoding="utf-8")
-        again = fly(load(folder / FILE))
+        (folder / FILE).write_text(text(s, heading(result, shown, out, parts), folder), encoding="utf-8")
+        again = fly(load(folder / FILE), parts=result.search.parts)
         entry = again.guarantee(result.guarantee)
         if entry["value"] != shown.value:
             raise RuntimeError(f"flown again, {result.guarantee} is {entry['value']!r}, not {shown.value!r}")
-        data = account(result, shown, out) | {"margin_unit": entry["unit"]}
-        data |= {name: again.manifest[name] for name in ("versions", "airframes")}
-        parts = [("search", result.search)] + ([("shrink", result.shrinks)] if result.shrinks else [])
-        rows = [{"part": part} | _flight(f) for part, flights in parts for f in flights.flown]
+        data = account(result, shown, out, parts) | {"margin_unit": entry["unit"]}
+        data |= {k: again.manifest[k] for k in ("versions", "airframes", "parts") if k in again.manifest}
+        stages = [("search", result.search)] + ([("shrink", result.shrinks)] if result.shrinks else [])
+        rows = [{"part": stage} | _flight(f) for stage, flights in stages for f in flights.flown]
         pd.DataFrame(rows).to_csv(folder / "flights.csv", index=False)
         figures.margins(result, entry["unit"], folder)
         figures.counterexample(again, result.guarantee, folder)
@@ -71,18 +73,19 @@ def text(s: Scenario, heading: str, folder: Path) -> str:
     return written
 
 
-def heading(result: Falsified, shown: Flight, out: Path) -> str:
+def heading(result: Falsified, shown: Flight, out: Path, parts: Sequence[str] = ()) -> str:
     said = f"{result.guarantee}: {shown.value!r}, margin {shown.margin!r}"
-    return f"{said}\nReproduce: {command(out)}"
+    return f"{said}\nReproduce: {command(out, parts)}"
 
 
-def command(out: Path) -> str:
+def command(out: Path, parts: Sequence[str] = ()) -> str:
     import shlex
 
-    return f"testbed run {shlex.quote(str(out / FILE))}"
+    own = "".join(f" --parts {shlex.quote(text)}" for text in parts)
+    return f"testbed run {shlex.quote(str(out / FILE))}{own}"
 
 
-def account(result: Falsified, shown: Flight, out: Path) -> dict[str, Any]:
+def account(result: Falsified, shown: Flight, out: Path, parts: Sequence[str] = ()) -> dict[str, Any]:
     """What falsify.json says, but for the scenario."""
     search, shrinks = result.search, result.shrinks
     return {
@@ -101,7 +104,7 @@ def account(result: Falsified, shown: Flight, out: Path) -> dict[str, Any]:
         "shrink_ended": bool(shrinks is None or shrinks.left > 0),
         "result": shown.row(),
         "departures": result.space.values(shown.x),
-        "reproduce": command(out),
+        "reproduce": command(out, parts),
     }
 
 
@@ -152,7 +155,7 @@ def _title(result: Falsified, shown: Flight, run: Run) -> str:
     unit = run.guarantee(result.guarantee)["unit"]
     what = "smallest departures found that violate" if shown.violated else "departures of the least margin"
     s = result.space.scenario
-    return f"{s.name} on {s.plant}: {what} {result.guarantee} ({shown.value:.4g} {unit})"
+    return f"{titled(s, result.search.parts)}: {what} {result.guarantee} ({shown.value:.4g} {unit})"
 
 
 def _close(row: dict[str, Any], shown: Flight) -> bool:

@@ -17,9 +17,10 @@ from testbed.campaigns.distinct import check_random, distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
+from testbed.components.components import Parts
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import Mean, Rate, mean, rate
-from testbed.studies.common.measure import Fields, keys, measure, override, said
+from testbed.studies.common.measure import Fields, job_of, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -103,9 +104,11 @@ def climb(
     book: Journal,
     workers: int | None = None,
     work: Callable[[Job], dict[str, Any]] = measure,
+    parts: Parts | None = None,
 ) -> pd.DataFrame:
     """Fly every rung, and every departure alone, from seeds 1 to `seeds`; one row per run.
 
+    parts  of the user's own, in every run; the rungs have their own plants
     Equal settings are flown once, and what `book` has not at all. UserError if nothing is random.
     """
     import pandas as pd
@@ -114,7 +117,7 @@ def climb(
     wanted: dict[str, str] = {name: override(s, f) for name, f in cumulative(ladder).items()}
     for name, (without, with_) in alone(ladder).items():
         wanted[f"{name} off"], wanted[f"{name} alone"] = override(s, without), override(s, with_)
-    jobs = [Job(name, data, seed) for name, data in wanted.items() for seed in range(1, seeds + 1)]
+    jobs = [job_of(name, data, seed, parts) for name, data in wanted.items() for seed in range(1, seeds + 1)]
     rows = fly_rows(work, jobs, keys(jobs), book, workers, said)
     return pd.DataFrame(
         [row | {"rung": job.label, "seed": job.seed} for row, job in zip(rows, jobs, strict=True)]

@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from testbed.campaigns.journal import journal_beside
+from testbed.components.components import Parts
+from testbed.components.installed_parts import effective
+from testbed.errors import UserError
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import Mean, Rate
-from testbed.studies.common.found import Found, provenance
+from testbed.studies.common.found import Found, flown_with, provenance
 from testbed.studies.common.measure import default_starts
 from testbed.studies.ladder import figures, page
 from testbed.studies.ladder import ladder as ladders
@@ -19,13 +22,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: bool) -> Found:
-    """The fidelity ladder of `s`: ladder.csv (a row per run), rungs.csv and ladder.json, figures."""
+def ladder(
+    s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: bool, parts: Parts | None = None
+) -> Found:
+    """The fidelity ladder of `s`: ladder.csv (a row per run), rungs.csv and ladder.json, figures.
+
+    parts  of the user's own, in every run; UserError for a plant, the rungs have their own
+    """
+    if "plant" in effective(s, parts).own():
+        raise UserError("--ladder: the rungs have plants of their own; leave out the plant of your own")
     check_free(out, overwrite)
     s = default_starts(s)
     rungs = ladders.rungs(s)
     with journal_beside(out, "ladder") as kept:
-        table = ladders.climb(s, rungs, seeds, kept, workers)
+        table = ladders.climb(s, rungs, seeds, kept, workers, parts=parts)
         distance = ladders.account(table, rungs, "distance_m")
         h = ladders.account(table, rungs, "h_m")
         lost = ladders.rates(table, rungs)
@@ -48,11 +58,12 @@ def ladder(s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: b
         with reported(out, page.part, overwrite) as folder:
             table.to_csv(folder / "ladder.csv", index=False)
             ladders.summary(table, rungs).to_csv(folder / "rungs.csv", index=False)
-            write_json(folder / "ladder.json", data | provenance(s, "jsbsim"))
+            write_json(folder / "ladder.json", data | provenance(s, "jsbsim", parts))
             figures.ladder(table, distance, h, s.d_safe_m, folder)
     return Found(
         out,
-        f"{s.name}: the fidelity ladder, {seeds} seeds (mean, paired differences [95 % interval])",
+        f"{s.name}{flown_with(s, parts)}: the fidelity ladder, {seeds} seeds"
+        " (mean, paired differences [95 % interval])",
         rows,
         [
             f"least distance, top rung against bottom: {distance.total} m;"

@@ -17,10 +17,11 @@ from testbed.campaigns.distinct import check_random, distinct_results
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
+from testbed.components.components import Parts
 from testbed.errors import UserError, nearest
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import rate, zero_event_bound
-from testbed.studies.common.measure import Fields, keys, measure, override, said
+from testbed.studies.common.measure import Fields, job_of, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,12 +120,14 @@ def find(
     workers: int | None = None,
     measured: Callable[[Job], dict[str, Any]] = measure,
     book: Journal | None = None,
+    parts: Parts | None = None,
 ) -> Margin:
     """Sweep, bracket, bisect, certify.
 
     seeds     common seeds 1..seeds of the sweep; certificates use later ones
     measured  what flies a job (for tests)
     book      runs flown before an interruption
+    parts     of the user's own, in every run
     Raises    UserError for a knob unknown or beyond the scenario's filter, a rate outside (0, 1), or a
               scenario with nothing random: a certificate needs runs that differ.
     """
@@ -140,7 +143,8 @@ def find(
     found, flown = Margin(knob, k.unit, target_rate), book or Journal()
 
     def fly(setting: float, chosen: range, stage: str) -> Point:
-        jobs = [Job(f"{knob} {setting:g}", override(s, k.fields(setting)), seed) for seed in chosen]
+        data = override(s, k.fields(setting))
+        jobs = [job_of(f"{knob} {setting:g}", data, seed, parts) for seed in chosen]
         rows = fly_rows(
             measured, jobs, keys(jobs), flown, workers, lambda job, row: f"{stage}: {said(job, row)}"
         )

@@ -8,24 +8,33 @@ import numpy as np
 
 from testbed.campaigns.distinct import check_random, distinct_results
 from testbed.campaigns.engine import fly_rows
-from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
+from testbed.components.components import Parts
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import rate
-from testbed.studies.common.measure import Fields, keys, measure, override, said
+from testbed.studies.common.measure import Fields, job_of, keys, measure, override, said
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 def compare(
-    s: Scenario, remedies: dict[str, Fields], seeds: range, book: Journal, workers: int | None = None
+    s: Scenario,
+    remedies: dict[str, Fields],
+    seeds: range,
+    book: Journal,
+    workers: int | None = None,
+    parts: Parts | None = None,
 ) -> pd.DataFrame:
-    """One row per remedy and seed; what `book` has is not flown again. UserError if nothing is random."""
+    """One row per remedy and seed; what `book` has is not flown again. UserError if nothing is random.
+
+    parts  of the user's own, in every run
+    """
     import pandas as pd
 
     check_random(s, "a comparison", len(seeds))
-    jobs = [Job(name, override(s, fields), seed) for name, fields in remedies.items() for seed in seeds]
+    data = {name: override(s, fields) for name, fields in remedies.items()}
+    jobs = [job_of(name, of, seed, parts) for name, of in data.items() for seed in seeds]
     rows = fly_rows(measure, jobs, keys(jobs), book, workers, said)
     return pd.DataFrame(
         [row | {"remedy": job.label, "seed": job.seed} for row, job in zip(rows, jobs, strict=True)]

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING
 
 from testbed.campaigns import named_remedies
 from testbed.campaigns.journal import journal_beside
+from testbed.components.components import Parts
 from testbed.components.initial_conditions import generators, places
+from testbed.components.installed_parts import effective
+from testbed.components.remedies import FOR_ANY_FILTER
 from testbed.errors import UserError, nearest
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
 from testbed.scenario.scenario import Scenario
 from testbed.statistics import Rate
-from testbed.studies.common.found import Found, provenance
+from testbed.studies.common.found import Found, provenance, titled
 from testbed.studies.common.measure import default_starts
 from testbed.studies.remedies import figures, page, remedies
 
@@ -28,24 +31,31 @@ def compare(
     out: Path,
     workers: int | None,
     overwrite: bool,
+    parts: Parts | None = None,
 ) -> Found:
     """Remedies on `s` at equal seeds: runs.csv, remedies.csv, figure.
 
-    only  names of the remedies to fly; empty flies all
+    only   names of the remedies to fly; empty flies all, with a filter of the user's own those that the
+           testbed applies to any filter
+    parts  of the user's own, in every run
     """
     check_free(out, overwrite)
     s = default_starts(s)
     known = named_remedies.catalogue(s)
     if unknown := [name for name in only if name not in known]:
         raise UserError(f"--only {unknown[0]!r}: unknown remedy; {nearest(unknown[0], known)}")
-    chosen = {name: known[name] for name in (only or known)}
+    own_filter = "filter" in effective(s, parts).own()
+    usual = [name for name, fields in known.items() if not own_filter or fields.keys() <= FOR_ANY_FILTER]
+    chosen = {name: known[name] for name in (only or usual)}
     with journal_beside(out, "remedies") as kept:
-        runs = remedies.compare(s, chosen, seeds, kept, workers)
+        runs = remedies.compare(s, chosen, seeds, kept, workers, parts)
         table = remedies.table(runs, _straight(s))
         with reported(out, page.part, overwrite) as folder:
             runs.to_csv(folder / "runs.csv", index=False)
             table.to_csv(folder / "remedies.csv", index=False)
-            write_json(folder / "remedies.json", {"seeds": [seeds[0], seeds[-1]]} | provenance(s, s.plant))
+            write_json(
+                folder / "remedies.json", {"seeds": [seeds[0], seeds[-1]]} | provenance(s, s.plant, parts)
+            )
             figures.remedies(table, s.d_safe_m, folder)
     rows = [
         {
@@ -62,7 +72,7 @@ def compare(
         }
         for r in table.itertuples()
     ]
-    title = f"{s.name} on {s.plant}: remedies, seeds {seeds[0]} to {seeds[-1]}, Ds {s.d_safe_m:g} m"
+    title = f"{titled(s, parts)}: remedies, seeds {seeds[0]} to {seeds[-1]}, Ds {s.d_safe_m:g} m"
     return Found(out, title, rows, [f"intervals of rates: {Rate.method}"])
 
 
