@@ -11,6 +11,8 @@ from testbed.scenario.randomness import random_fields
 from testbed.scenario.scenario import Scenario, parse
 from testbed.statistics import distinct, nothing_random
 
+# Roles that are given random generators.
+DRAWING = ("plant", "environment")
 REMEDY = "perturb the start, for example start.heading_perturbation_deg = 5"
 SET = REMEDY.replace(" = ", "=").replace("example ", "example --set ")
 
@@ -18,6 +20,8 @@ SET = REMEDY.replace(" = ", "=").replace("example ", "example --set ")
 def check_distinct(plan: Plan) -> None:
     """UserError if a cell has several seeds and nothing in it depends on the seed."""
     for cell in plan.cells:
+        if any(plan.parts.origins[label]["role"] in DRAWING for label in cell.own):
+            continue  # a part of the user's own may draw from the generators it is given
         runs = plan.of(cell.number)
         if len(runs) < 2 or any(r.draws != runs[0].draws for r in runs):
             continue
