@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import load
-from aircraft.autopilots.equations import EQUATIONS, parse, system_xml
 from aircraft.autopilots.feedforward import feedforward
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.margins import margins, response
 from aircraft.autopilots.specification import turbulence_rows
 from aircraft.autopilots.tuning import fly, score
+from aircraft.equations.catalogue import AUTOPILOTS
+from aircraft.equations.compiler import system_xml
+from aircraft.equations.language import parse
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
 from aircraft.jsbsim.rest import Start
@@ -35,7 +37,8 @@ def aircraft(request):
 
 def test_the_committed_xml_is_what_the_equations_and_gains_say(aircraft):
     committed = (aircraft.folder / "systems" / "autopilot.xml").read_text()
-    assert committed == system_xml(parse(EQUATIONS.read_text()), aircraft.gain_values())
+    equations = parse((AUTOPILOTS / "inverting" / "autopilot.eq").read_text())
+    assert committed == system_xml(equations, aircraft.gain_values())
 
 
 def test_only_an_airframe_with_a_rudder_has_its_equations(aircraft):

@@ -27,6 +27,7 @@ ORDER = {
         "kinematic",
         "replay",
         "airframes",
+        "equations",
         "jsbsim",
         "autopilots",
         "airframe",

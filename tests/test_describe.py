@@ -13,7 +13,6 @@ import pytest
 
 from aircraft.airframe import load
 from aircraft.airframes.schema import Airframe, names
-from aircraft.autopilots.equations import of_airframe
 from aircraft.autopilots.linear_autopilot import evaluate as autopilot
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import linear_model
@@ -21,6 +20,7 @@ from aircraft.autopilots.margins import margins, model_margins, model_response, 
 from aircraft.autopilots.specification import evaluate, turbulence_rows
 from aircraft.datasheets.datasheet import compare, geometry
 from aircraft.datasheets.envelope import Box, corners, limits
+from aircraft.equations.catalogue import of_airframe
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from aircraft.airframes.files import read_folder
-from aircraft.airframes.schema import Airframe, property_name
+from aircraft.airframes.schema import INVERTING, Airframe, property_name
 from aircraft.airframes.xml import Element
 
 # Gains that `testbed aircraft trim` fits, and those that the fit uses.
@@ -36,7 +36,16 @@ def identified_fingerprint(airframe: Airframe) -> str:
     """Fingerprint of what lags are identified with: gains, step speeds and autopilot, "-", the model."""
     files = _files(airframe)
     autopilot, model = ([f for f in files if (f[0] == _AUTOPILOT) == wanted] for wanted in (True, False))
-    return f"{_digest([autopilot, airframe.gains, airframe.speeds.model_dump()])}-{_digest(model)}"
+    gains: list[Any] = [autopilot, airframe.gains, airframe.speeds.model_dump()]
+    if airframe.autopilot != INVERTING or airframe.variant:
+        what = [airframe.autopilot, airframe.equations_sha256, _own_equations(airframe), airframe.parameters]
+        gains = [*what, *gains[1:]]
+    return f"{_digest(gains)}-{_digest(model)}"
+
+
+def _own_equations(airframe: Airframe) -> str:
+    path = airframe.folder / airframe.autopilot
+    return path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
 
 
 def fitted_fingerprint(airframe: Airframe) -> str:

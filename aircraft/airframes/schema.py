@@ -18,6 +18,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from aircraft.textfile import TextError, line_of, parse_toml, read_text
 
 AIRFRAMES = Path(__file__).parent
+OTHERS = "autopilots"  # folder of an airframe with what belongs to autopilots that it can fly besides its own
+INVERTING = "inverting"  # the autopilot that airframes fly unless they name another
 
 Positive = Annotated[float, Field(gt=0, le=1e6)]
 Finite = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -128,7 +130,13 @@ class Airframe(_Strict):
     licence: str
     speeds: Speeds
     surfaces: dict[str, str] = Field(description="telemetry name -> JSBSim property, rad")
-    gains: dict[str, dict[str, Finite]]
+    autopilot: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*(\.eq)?$", max_length=100)] = Field(
+        INVERTING, description="inverting, arduplane, px4, or an equations file of the folder, NAME.eq"
+    )
+    gains: dict[str, dict[str, Finite]] = Field({}, description="of the airframe and the inverting autopilot")
+    parameters: dict[Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")], Finite] = Field(
+        {}, description="the autopilot's parameters, by the names and in the units of its equations"
+    )
     fitted: Fitted | None = None
     identified: Identified | None = None
     step_factor: Positive = Field(1.0, description="of the step specification's bounds, for this airframe")
@@ -137,6 +145,8 @@ class Airframe(_Strict):
     )
     folder: Path = Field(exclude=True)
     gains_file: Path | None = Field(None, exclude=True, description="whose gains these are, if a file's")
+    variant: str = Field("", exclude=True, description="what was asked after the folder, @AUTOPILOT")
+    equations_sha256: str = Field("", exclude=True, description="of equations that are no file of the folder")
 
     @model_validator(mode="after")
     def radians(self) -> Airframe:
@@ -160,10 +170,10 @@ class Airframe(_Strict):
         if self.gains_file is not None:
             return self.gains_file.as_posix()
         if self.folder.parent == AIRFRAMES.resolve():
-            return self.folder.name
+            return self.folder.name + self.variant
         here = Path.cwd().resolve()
         inside = self.folder.is_relative_to(here) and self.folder != here
-        return (self.folder.relative_to(here) if inside else self.folder).as_posix()
+        return (self.folder.relative_to(here) if inside else self.folder).as_posix() + self.variant
 
     @property
     def has_rudder(self) -> bool:
@@ -175,29 +185,53 @@ class Airframe(_Strict):
         return {f"{s}_{n}": v for s, names in self.gains.items() for n, v in names.items()}
 
     def fingerprint(self) -> str:
-        """SHA-256 over every file of the folder and the gains it is flown with."""
+        """SHA-256 over every file of the folder that counts, and the gains it is flown with.
+
+        Of the files for other autopilots, in FOLDER/autopilots, only those of the autopilot flown count.
+        """
         digest = hashlib.sha256()
         for file in sorted(p for p in self.folder.rglob("*") if p.is_file()):
-            digest.update(str(file.relative_to(self.folder)).encode() + b"\0" + file.read_bytes())
+            inside = file.relative_to(self.folder)
+            if inside.parts[0] != OTHERS or inside.name.partition(".")[0] == self.autopilot:
+                digest.update(str(inside).encode() + b"\0" + file.read_bytes())
         digest.update(repr(sorted(self.gain_values().items())).encode())
+        if self.variant or self.autopilot != INVERTING:
+            own = [self.autopilot, self.equations_sha256, sorted(self.parameters.items())]
+            digest.update(repr(own).encode())
         return digest.hexdigest()
 
     def with_gains(self, changes: dict[str, float]) -> Airframe:
-        """A copy with some gains changed, {"turn.damping": 0.9}. Raises KeyError on an unknown gain."""
+        """A copy with some gains or parameters changed, {"turn.damping": 0.9}; KeyError on an unknown one."""
         gains = {s: dict(names) for s, names in self.gains.items()}
+        parameters = dict(self.parameters)
         for key, value in changes.items():
             section, _, name = key.partition(".")
-            if name not in gains.get(section, {}):
-                known = [f"{s}.{n}" for s, names in gains.items() for n in names]
-                near = difflib.get_close_matches(key, known, 3)
+            if key in parameters:
+                parameters[key] = value
+            elif name in gains.get(section, {}):
+                gains[section][name] = value
+            else:
+                near = difflib.get_close_matches(key, self.gain_names(), 3)
                 raise KeyError(f"{self.name} has no gain {key}; near: {', '.join(near) or 'none'}")
-            gains[section][name] = value
-        return self.model_copy(update={"gains": gains})
+        return self.model_copy(update={"gains": gains, "parameters": parameters})
+
+    def gain_names(self) -> list[str]:
+        """What `with_gains` can change: section.name of gains, and the parameters of the autopilot."""
+        return [f"{s}.{n}" for s, names in self.gains.items() for n in names] + list(self.parameters)
 
 
 def names() -> list[str]:
     """The airframes that come with the package."""
     return sorted(p.parent.name for p in AIRFRAMES.glob("*/airframe.toml"))
+
+
+def split(name_or_folder: str | Path) -> tuple[str, tuple[str, ...]]:
+    """What names an airframe, and what follows it: "x8@arduplane" is x8 under another autopilot."""
+    text = str(name_or_folder)
+    if Path(os.path.expanduser(text)).exists():  # a folder somewhere below one with an @ in its name
+        return text, ()
+    at = text.find("@", text.rfind("/") + 1)
+    return (text, ()) if at < 1 else (text[:at], tuple(text[at + 1 :].split("@")))
 
 
 def folder_of(name_or_folder: str | Path) -> Path:
@@ -255,7 +289,7 @@ def read_airframe(folder: Path) -> Airframe:
         ) from None
     except TextError as error:
         raise AirframeFileError(path, str(error), line=error.line) from None
-    for field in ("folder", "gains_file"):
+    for field in ("folder", "gains_file", "variant", "equations_sha256"):
         if field in tables:
             raise AirframeFileError(path, f"{field}: unknown field", field, line_of(text, [field]))
     try:

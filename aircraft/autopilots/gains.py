@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import difflib
 import json
 import math
@@ -12,8 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from aircraft.airframes.schema import Airframe, Identified, check_gains, identified
-from aircraft.autopilots.equations import of_airframe
+from aircraft.airframes.schema import INVERTING, Airframe, Identified, check_gains, identified
+from aircraft.equations.catalogue import of_airframe
 from aircraft.textfile import read_toml
 
 _UNIT = r"(_(radps|per_s2?|s|mps2?|rad|m|kg))?"
@@ -36,18 +35,18 @@ class GainFault:
 
 def needed_gains(airframe: Airframe) -> set[str]:
     """The gains that the autopilot's equations use for this airframe, section_name."""
-    mine = of_airframe(airframe)
-    known = {*mine.assigned(), *mine.inputs, *mine.uses}
-    trees = [ast.parse(e.formula, mode="eval") for c in mine.channels for e in c.equations]
-    names = {n.id for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Name)}
-    calls = {n.func for tree in trees for n in ast.walk(tree) if isinstance(n, ast.Call)}
-    return names - known - {f.id for f in calls if isinstance(f, ast.Name)}
+    return of_airframe(airframe).needed()
 
 
 def gain_faults(airframe: Airframe) -> list[GainFault]:
     """What is wrong with an airframe's gains: missing, unknown, negative where none may be."""
-    wanted, have = needed_gains(airframe), airframe.gain_values().keys()
-    unknown, faults = sorted(have - wanted), []
+    try:
+        wanted = needed_gains(airframe)
+    except ValueError as error:
+        return [GainFault("autopilot", str(error), "correct the equations, or name another autopilot")]
+    have = airframe.gain_values().keys()
+    # Beside another autopilot, gains of the inverting one may stay: x8 and x8@arduplane are one folder.
+    unknown, faults = sorted(have - wanted) if airframe.autopilot == INVERTING else [], []
     for name in sorted(wanted - have):
         section, _, key = name.partition("_")
         if not difflib.get_close_matches(name, unknown, 1, 0.8):  # or it is there under another name

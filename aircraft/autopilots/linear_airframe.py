@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe, property_name
-from aircraft.autopilots.equations import of_airframe
+from aircraft.equations.catalogue import of_airframe
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
-from aircraft.autopilots.equations import of_airframe
+from aircraft.equations.catalogue import of_airframe, values_of
+from aircraft.equations.language import PERIOD
 
 Array = NDArray[np.float64]
 
@@ -52,9 +53,11 @@ _CALLS: dict[str, Any] = {
 def evaluate(airframe: Airframe, values: Mapping[str, Any]) -> dict[str, Any]:
     """One period of the autopilot's equations, here instead of in JSBSim; values may be arrays.
 
-    values  every name the equations use or assign, `dt` in seconds; returns them after the period.
+    values  every name the equations use or assign, `dt` and the channels' `period` in seconds; returns them
+            after the period.
     """
-    now: dict[str, Any] = {**airframe.gain_values(), **values}
+    now: dict[str, Any] = {**values_of(airframe), **values}
+    now.setdefault(PERIOD, now.get("dt"))
     for channel in of_airframe(airframe).channels:
         # A channel is on or off as a whole; perturbations do not switch it.
         if channel.condition is None or np.all(now[channel.condition] != 0):
@@ -77,9 +80,11 @@ def linearise(
     columns = [*assigned, *used, *probes]
     centre = np.array([memory[n] for n in columns])
     steps = 1e-6 * np.maximum(np.abs(centre), 1e-2)
-    steps[len(assigned) + used.index("dt")] = 0.0
+    if "dt" in used:
+        steps[len(assigned) + used.index("dt")] = 0.0
     shifts = np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
-    values: dict[str, Any] = {**memory, **dict(zip(columns, centre[:, None] + shifts, strict=True)), "dt": dt}
+    values: dict[str, Any] = {**memory, **dict(zip(columns, centre[:, None] + shifts, strict=True))}
+    values |= {"dt": dt, PERIOD: dt}
     after = evaluate(airframe, values)
     n = len(columns)
     outputs = [*assigned, *(f"{name}_norm" for name in names)]

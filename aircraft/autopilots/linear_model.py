@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
-from aircraft.autopilots.equations import of_airframe
 from aircraft.autopilots.linear_airframe import Point, actuator, differentiate
 from aircraft.autopilots.linear_autopilot import LinearAutopilot, linearise, loops
+from aircraft.equations.catalogue import of_airframe
 
 Array = NDArray[np.float64]
 

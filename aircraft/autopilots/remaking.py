@@ -13,11 +13,11 @@ from pathlib import Path
 
 from aircraft.airframes.editing import replace_tables, set_values
 from aircraft.airframes.provenance import fitted_fingerprint, identified_fingerprint
-from aircraft.airframes.schema import Airframe
-from aircraft.autopilots.equations import autopilot, system_xml
+from aircraft.airframes.schema import OTHERS, Airframe
 from aircraft.autopilots.feedforward import feedforward
 from aircraft.autopilots.freshness import flown
 from aircraft.autopilots.identification import CHANNELS, identify
+from aircraft.equations.catalogue import xml_of
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def remade_feedforward(airframe: Airframe) -> Remade:
 
 def remade_autopilot(airframe: Airframe) -> Remade:
     """systems/autopilot.xml compiled from the equations and gains; ValueError for a gain that is missing."""
-    text = system_xml(autopilot(), airframe.gain_values())
+    text = xml_of(airframe)
     return Remade(airframe.folder / "systems" / "autopilot.xml", text, text)
 
 
@@ -72,7 +72,10 @@ def remade_lags(airframe: Airframe, progress: Callable[[str], None] = lambda wha
         found += f"\n[identified.{channel}]\ntime_constant_s = {time_constant:.3f}\ndelay_s = {delay:.3f}\n"
         found += f"rate_min = {-falls:.3g}\nrate_max = {rises:.3g}\n"
     path = airframe.gains_file or airframe.folder / "airframe.toml"
-    return Remade(path, replace_tables(path.read_text(encoding="utf-8"), "identified", found), found)
+    if airframe.variant and airframe.gains_file is None:
+        path = airframe.folder / OTHERS / f"{airframe.autopilot.removesuffix('.eq')}.toml"
+    before = path.read_text(encoding="utf-8") if path.is_file() else ""
+    return Remade(path, replace_tables(before, "identified", found).lstrip("\n"), found)
 
 
 def _provenance(verb: str, airframe: Airframe, fingerprint: str) -> str:

@@ -9,11 +9,12 @@ import numpy as np
 
 from aircraft.airframes.files import Files, Finding, toml_line
 from aircraft.airframes.references import declared
-from aircraft.airframes.schema import property_name
-from aircraft.autopilots.equations import MADE_BY, autopilot, system_xml
+from aircraft.airframes.schema import INVERTING, property_name
 from aircraft.autopilots.gains import gain_faults, needed_gains
 from aircraft.check.spelling import ENGINE, MODEL
-from aircraft.jsbsim.properties import NODES, TELEMETRY
+from aircraft.equations.catalogue import xml_of
+from aircraft.equations.compiler import MADE_BY
+from aircraft.jsbsim.properties import INTEGRALS, NODES, TELEMETRY
 
 
 def _root(files: Files) -> list[Finding]:
@@ -162,6 +163,8 @@ def _autopilot(files: Files) -> list[Finding]:
     have, findings = declared(files), []
     wanted = {p for p in NODES.values() if p.startswith("ap/")}
     wanted |= {p for p, _, _ in TELEMETRY.values() if p.startswith("ap/")}
+    if files.airframe.autopilot == INVERTING:
+        wanted |= set(INTEGRALS.values())
     if not wanted & have:
         return [_no_autopilot(files)]
     system = next((f for f in files.trees if f.startswith("systems/")), files.model)
@@ -207,7 +210,7 @@ def _current(files: Files) -> list[Finding]:
     if not any(mark in text for mark in (MADE_BY, "Made by `python -m aircraft.autopilot")):
         return []  # an autopilot of the user's own
     try:
-        now = system_xml(autopilot(), files.airframe.gain_values())
+        now = xml_of(files.airframe)
     except ValueError:
         return []  # a missing gain, which another rule names
     if text == now:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe, property_name
+from aircraft.equations.catalogue import values_of
 from aircraft.jsbsim import initialisation, loading, steady
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin
-from aircraft.jsbsim.properties import ENGINE_STATES, NODES, TELEMETRY
+from aircraft.jsbsim.properties import ENGINE_STATES, INTEGRALS, NODES, TELEMETRY
 from aircraft.jsbsim.rest import Start
 from aircraft.jsbsim.steady import Trim
 
@@ -38,8 +39,10 @@ class Fdm:
         self.origin = origin
         self._integrator = 0.0  # the one to return to after the first period
         self.executive = loading.load(airframe, dt)  # JSBSim itself
-        n = self.nodes = {name: self.node(path) for name, path in NODES.items()}
         manager = self.executive.get_property_manager()
+        n = self.nodes = {name: self.node(path) for name, path in NODES.items()}
+        if all(manager.get_node(path) is not None for path in INTEGRALS.values()):
+            n |= {name: self.node(path) for name, path in INTEGRALS.items()}  # the start settles it by them
         for name, path in airframe.surfaces.items():
             if manager.get_node(path) is None:
                 toml = str(airframe.folder / "airframe.toml")
@@ -48,14 +51,13 @@ class Fdm:
         self.channels = tuple(telemetry)
         self._readings = tuple(self.node(path).get_double_value for path, _, _ in telemetry.values())
         self.units = np.array([[k, offset] for _, k, offset in telemetry.values()])
-        for name, value in airframe.gain_values().items():
+        for name, value in values_of(airframe).items():
             self.node(property_name(name)).set_double_value(value)
         self._position = tuple(n[k].get_double_value for k in ("x", "y", "z", "altitude"))
         self._motion = tuple(n[k].get_double_value for k in ("u", "v", "w", "climb", "omega"))
         self._command = tuple(n[k].set_double_value for k in ("v_command", "omega_command", "zeta_command"))
         self._upset = n["alpha"].get_double_value, n["roll"].get_double_value
         self._wind: tuple[float, float, float] | None = None  # as last blown
-        manager = self.executive.get_property_manager()
         kept = (manager.get_node(f"propulsion/engine/{name}") for name in ENGINE_STATES)
         self.engine_states = [node for node in kept if node is not None]
 

@@ -6,7 +6,11 @@ Faults that JSBSim ignores, or on which it ends the process, are exceptions here
 from __future__ import annotations
 
 import ctypes
+import shutil
+import tempfile
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import jsbsim
@@ -14,6 +18,7 @@ import jsbsim
 from aircraft.airframes.files import read_folder
 from aircraft.airframes.references import unresolved
 from aircraft.airframes.schema import AIRFRAMES, Airframe
+from aircraft.equations.catalogue import compiled, of_airframe
 from aircraft.jsbsim.errors import FdmError, UnresolvedError
 
 Executive = jsbsim.FGFDMExec
@@ -51,7 +56,8 @@ class _Quiet(jsbsim.FGLogger):
 def load(airframe: Airframe, dt: float) -> Executive:
     """A JSBSim instance with this airframe's model, stepping every dt seconds.
 
-    Engines and systems come from the airframe's folder only. JSBSim keeps the dt that it was loaded with.
+    Engines and systems come from the airframe's folder only, but for the system of an autopilot that is
+    compiled for this flight. JSBSim keeps the dt that it was loaded with.
     Raises  FdmError when the model is missing, malformed or without mass or wing; UnresolvedError when it
             refers to properties that do not exist, which JSBSim would answer later by aborting the process
     """
@@ -62,13 +68,16 @@ def load(airframe: Airframe, dt: float) -> Executive:
     executive.set_dt(dt)
     where = folder / f"{model}.xml"
     try:
-        loaded = executive.load_model_with_paths(
-            model, str(folder), str(folder / "engine"), str(folder / "systems"), False
-        )
+        with _model(airframe, dt) as flown:
+            loaded = executive.load_model_with_paths(
+                model, str(flown), str(folder / "engine"), str(flown / "systems"), False
+            )
     except RuntimeError as e:
         keep_for_ever(executive)
         messages = [str(e).strip(), *(said for said in log.errors if said != str(e).strip())]
         file, line = log.place or (None, None)
+        if file and not file.startswith(str(folder)):  # of a copy
+            file = str(next(folder.rglob(Path(file).name), where))
         at = f"{file}:{line}" if file else f"{where}"
         raise FdmError(f"{at}: {' '.join(' '.join(messages).split())}", file, line) from None
     if not loaded:
@@ -77,10 +86,35 @@ def load(airframe: Airframe, dt: float) -> Executive:
     try:
         _sizes(executive, where)
         _resolve(airframe, executive)
+        _resolve_uses(airframe, executive)
     except FdmError:
         keep_for_ever(executive)
         raise
     return executive
+
+
+@contextmanager
+def _model(airframe: Airframe, dt: float) -> Iterator[Path]:
+    """The folder of model and systems: the airframe's own, or a copy of it with the autopilot compiled now.
+
+    JSBSim looks for systems beside the model first, wherever the path for systems leads.
+    """
+    folder = airframe.folder
+    try:
+        text = compiled(airframe, dt)
+    except ValueError as error:
+        raise FdmError(str(error)) from None
+    if text is None:
+        yield folder
+        return
+    with tempfile.TemporaryDirectory(prefix="airframe-") as name:
+        made = Path(name)
+        (made / "systems").mkdir()
+        for file in (*folder.glob("*.xml"), *folder.glob("systems/*.xml")):
+            if file.name != "autopilot.xml":
+                shutil.copyfile(file, made / file.relative_to(folder))
+        (made / "systems" / "autopilot.xml").write_text(text, encoding="utf-8")
+        yield made
 
 
 def _logger() -> _Quiet:
@@ -136,3 +170,14 @@ def _resolve(airframe: Airframe, executive: Executive) -> None:
         if findings:
             raise UnresolvedError(airframe, findings)
     _resolved.add(mark)
+
+
+def _resolve_uses(airframe: Airframe, executive: Executive) -> None:
+    """FdmError for equations that use or drive properties which the model does not have."""
+    if compiled(airframe) is None:
+        return
+    mine, manager = of_airframe(airframe), executive.get_property_manager()
+    driven = {e.output: e.name for c in mine.channels for e in c.equations if e.output}
+    for path, name in {**{path: name for name, path in mine.uses.items()}, **driven}.items():
+        if manager.get_node(path) is None:
+            raise FdmError(f"{airframe.name}: {name} of the autopilot: JSBSim has no property {path}")

@@ -51,6 +51,10 @@ NODES = {
     "omega_command": "ap/omega-cmd-radps",
     "zeta_command": "ap/zeta-cmd-mps",
     "omega": "ap/omega-radps",
+}
+
+# What the start settles the inverting autopilot by: see `initialisation`. Other autopilots settle themselves.
+INTEGRALS = {
     "elevator_wanted": "ap/elevator-norm",
     "aileron_wanted": "ap/aileron-norm",
     "throttle_wanted": "ap/throttle-wanted",

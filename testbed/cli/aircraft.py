@@ -28,7 +28,11 @@ app = typer.Typer(
 )
 
 NameArg = Annotated[
-    str, typer.Argument(metavar="NAME", help="an airframe (see: testbed aircraft list) or its folder")
+    str,
+    typer.Argument(
+        metavar="NAME",
+        help="an airframe (see: testbed aircraft list) or its folder; NAME@AUTOPILOT for another autopilot",
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
 OutOption = Annotated[Path | None, typer.Option("--out", help="folder to write")]
@@ -40,11 +44,16 @@ OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what
 
 @app.command("list", epilog="Example: testbed aircraft list --json")
 def list_(as_json: JsonOption = False) -> None:
-    """The airframes that come with the testbed."""
+    """The airframes that come with the testbed, each under its own autopilot and under the others."""
     from aircraft.airframe import load
     from aircraft.airframes.schema import names
+    from aircraft.equations.catalogue import names as autopilots
 
-    rows = {name: load(name).title for name in names()}
+    rows = {}
+    for name in names():
+        own = load(name)
+        rows[name] = f"{own.title}; autopilot: {own.autopilot}"
+        rows |= {f"{name}@{o}": f"{own.title}; autopilot: {o}" for o in autopilots() if o != own.autopilot}
     show_named(rows, as_json)
 
 
@@ -125,11 +134,18 @@ def copy(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="the new airframe's; its name is the last part")
     ],
+    autopilot: Annotated[
+        str | None,
+        typer.Option("--autopilot", metavar="AUTOPILOT", help="the copy's own autopilot, as NAME@AUTOPILOT"),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Copy an airframe to start your own from: its model, gains and sources in a new folder."""
     from aircraft.airframe import copy as copied
+    from aircraft.airframes.schema import split
 
+    if autopilot is not None:
+        name = f"{split(name)[0]}@{autopilot}"
     airframe_of(name)
     try:
         made = copied(name, folder)
@@ -175,17 +191,46 @@ def trim(name: NameArg, dry_run: DryRunOption = False, as_json: JsonOption = Fal
     short_help="Compile the autopilot.",
     epilog="Examples: testbed aircraft autopilot my-wing; testbed aircraft autopilot x8 --dry-run",
 )
-def autopilot(name: NameArg, dry_run: DryRunOption = False, as_json: JsonOption = False) -> None:
+def autopilot(
+    name: NameArg,
+    dry_run: DryRunOption = False,
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="print the autopilot's parameters; write nothing")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
     """Compile the autopilot's equations and the gains of airframe.toml to systems/autopilot.xml."""
     from aircraft.autopilots.remaking import remade_autopilot
 
+    if parameters:
+        _parameters(airframe_of(name), as_json)
+        return
     _remake(_folder(name), remade_autopilot, dry_run, as_json)
+
+
+def _parameters(airframe: Airframe, as_json: bool) -> None:
+    """The table of an autopilot's parameters or gains: value here, default, unit, range, what each does."""
+    from aircraft.autopilots.parameters import table
+
+    rows = table(airframe)
+    if as_json:
+        print(json.dumps(rows, indent=2))
+        return
+    show_table(f"Parameters of {airframe.autopilot} on {airframe.title}", rows)
 
 
 def _folder(name: str) -> str:
     """`name`, unless it is a gains file: what is written belongs into an airframe's folder."""
     if name.endswith(".toml"):
         raise UserError(f"{name}: give an airframe or its folder, not a gains file")
+    from aircraft.airframes.schema import split
+
+    base, asked = split(name)
+    if asked:
+        raise UserError(
+            f"{name}: what is written belongs to the airframe's own autopilot; give {base}, or copy it:"
+            f" testbed aircraft copy {base} FOLDER --autopilot {asked[0]}"
+        )
     return name
 
 

@@ -22,7 +22,7 @@ def placed(data: Mapping[str, Any], *homes: Path) -> dict[str, Any]:
         return made
     names = list(relative(_named(data)))
     for home in homes:
-        if any((home / name).exists() for name in names):
+        if any((home / split(name)[0]).exists() for name in names):
             made[FIELD] = home.resolve().as_posix()
             return made
     return made
@@ -41,12 +41,20 @@ def relative(airframes: Any) -> Iterable[str]:
 
     listed = airframes if isinstance(airframes, list) else []
     known = names() if listed else []
-    yield from (a for a in listed if isinstance(a, str) and a not in known and not Path(a).is_absolute())
+    said = (a for a in listed if isinstance(a, str) and not Path(a).is_absolute())
+    yield from (a for a in said if split(a)[0] not in known)
+
+
+def split(airframe: str) -> tuple[str, tuple[str, ...]]:
+    """An airframe's folder, and the autopilot asked for after an @."""
+    from aircraft.airframes.schema import split as parts
+
+    return parts(airframe)
 
 
 def path_of(airframe: str, folder: str) -> str:
     """The path, or the name, by which an airframe of a scenario is loaded."""
-    if folder and airframe in relative([airframe]) and (Path(folder) / airframe).exists():
+    if folder and airframe in relative([airframe]) and (Path(folder) / split(airframe)[0]).exists():
         return str(Path(folder) / airframe)
     return airframe
 

@@ -71,11 +71,15 @@ def _lags(s: Scenario) -> Array | None:
         return np.broadcast_to(np.array(one), (s["vehicles"], 3, 2))
     known = {}
     for name in s["airframes"]:
+        called, _, other = name.partition("@")
         folder = (
-            AIRFRAMES / name if (AIRFRAMES / name).is_dir() else Path(s.get("airframes_folder", ""), name)
+            AIRFRAMES / called
+            if (AIRFRAMES / called).is_dir()
+            else Path(s.get("airframes_folder", ""), called)
         )
+        file = f"autopilots/{other.removesuffix('.eq')}.toml" if other else "airframe.toml"
         try:
-            said = tomllib.loads((folder / "airframe.toml").read_text(encoding="utf-8-sig"))["identified"]
+            said = tomllib.loads((folder / file).read_text(encoding="utf-8-sig"))["identified"]
             known[name] = [(said[c]["time_constant_s"], said[c]["delay_s"]) for c in TABLE]
         except (OSError, ValueError, KeyError, TypeError):
             return None

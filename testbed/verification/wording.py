@@ -12,6 +12,7 @@ from testbed.claims.registry import Claim
 from testbed.verification import coverage
 from testbed.verification.air import blows
 from testbed.verification.coverage_table import AIRCRAFT, DECLARED, WIND
+from testbed.verification.filter_view import AIRFRAMES
 from testbed.verification.finding import Finding
 from testbed.verification.recorded import Recorded
 
@@ -92,11 +93,19 @@ def _manifest(run: Recorded) -> Finding:
 
 
 def _called(due: set[str], named: set[str]) -> bool:
-    """Whether airframes have these names: a folder's last part, or one that ends with the gains' file."""
+    """Whether airframes have these names: a folder's last part, or one that ends with the gains' file.
+
+    An @ is followed by the autopilot: the one asked for, or one that a folder of the user's own names.
+    """
 
     def same(given: str, name: str) -> bool:
-        path = Path(given)
-        return name in (given, path.name) or (path.suffix == ".toml" and name.endswith(f"+{path.stem}"))
+        (folder, *asked), (plain, *flown) = Path(given).name.split("@"), name.split("@")
+        if asked and [a.removesuffix(".eq") for a in asked] != flown and asked != ["inverting"]:
+            return False
+        if flown and not asked and (AIRFRAMES / given).is_dir():
+            return False
+        path = Path(folder)
+        return folder == plain or (path.suffix == ".toml" and plain.endswith(f"+{path.stem}"))
 
     every = all(any(same(given, name) for name in named) for given in due)
     return every and all(any(same(given, name) for given in due) for name in named)

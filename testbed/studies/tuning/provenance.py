@@ -36,10 +36,10 @@ def fingerprint(airframe: Airframe) -> str:
     """Of the airframe and of all that flies and scores it: neither changed code nor files resume old rows."""
     from importlib.metadata import version
 
-    from aircraft.autopilots.equations import EQUATIONS
+    from aircraft.equations.catalogue import text_of
     from testbed.campaigns.identity import code_id, content_id
 
-    equations = EQUATIONS.read_text(encoding="utf-8")
+    equations = text_of(airframe)
     return content_id(
         [airframe.fingerprint(), code_id("testbed.studies.tuning.sweeps"), version("control"), equations]
     )

@@ -1,0 +1,1 @@
+"""Autopilots as equations: the language, its compiler to a JSBSim system, which of them an airframe flies."""

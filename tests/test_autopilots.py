@@ -1,0 +1,130 @@
+"""Autopilots as equations: the language, an autopilot of the user's own, airframe x autopilot by name."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aircraft.airframe import copy, load
+from aircraft.airframes.schema import split
+from aircraft.autopilots.tuning import fly
+from aircraft.equations.compiler import system_xml
+from aircraft.equations.language import parse
+from aircraft.jsbsim.errors import FdmError
+
+PID = Path(__file__).parent.parent / "docs" / "guide" / "examples" / "pid.eq"
+
+
+@pytest.fixture
+def wing(tmp_path: Path) -> Path:
+    folder = copy("x8", tmp_path / "wing")
+    shutil.copy(PID, folder)
+    return folder
+
+
+def test_indented_lines_continue_an_equation() -> None:
+    found = parse("== c ==\na = 1\n  + 2\nb = a\n")
+    assert [(e.name, e.formula, e.line) for e in found.channels[0].equations] == [
+        ("a", "1 + 2", 2),
+        ("b", "a", 4),
+    ]
+
+
+def test_a_parameter_says_default_unit_range_and_meaning() -> None:
+    p = parse("parameter RLL_P = 0.5 [1/s] 0.1 to 2: roll per error").parameters["RLL_P"]
+    assert (p.default, p.unit, p.low, p.high, p.meaning) == (0.5, "1/s", 0.1, 2.0, "roll per error")
+
+
+@pytest.mark.parametrize(("dt", "every"), [(0.005, 4), (0.01, 2), (0.002, 10)])
+def test_a_rate_in_hz_is_kept_at_any_period_of_jsbsim(dt: float, every: int) -> None:
+    text = system_xml(parse("input on = 0\n== c if on at 50 Hz ==\na = a + period"), {}, dt)
+    assert f'execrate="{every}"' in text
+    assert f"<product><v>{every}</v><p>simulation/dt</p></product>" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a = 1", "line 1: a is before the first channel"),
+        ("== c ==\na = __import__('os').system('true')", "line 2: an equation may not hold"),
+        ("== c ==\na = x ** 2", "line 2: an equation may not hold"),
+        ("== c ==\na = 1 +", "line 2: not a formula"),
+        ("== c ==\na = clip(1, 2)", r"line 2: clip\(\) takes 3"),
+        ("== c ==\na = 1 -> simulation/terminate", "line 2: simulation/terminate: an equation drives"),
+        ("== c at 0 Hz ==", "line 1: a channel is evaluated at least"),
+        ("\n\nlet a = 1", "line 3: not a use"),
+    ],
+)
+def test_wrong_equations_are_one_line_that_names_the_place(text: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        parse(text)
+
+
+def test_an_autopilot_of_the_users_own_flies_and_begins_without_a_jump(wing: Path) -> None:
+    airframe = load(f"{wing}@pid.eq")
+    assert (airframe.name, airframe.argument) == ("wing@pid", f"{wing}@pid.eq")
+    level = fly(airframe, 18.0, (18.0, 0.0, 0.0), 3.0)
+    # healthy 3e-6 m/s, without tracking 0.6 m/s
+    assert np.abs(level.v - 18.0).max() < 1e-4 and np.abs(level.zeta).max() < 1e-3
+    turn = fly(airframe, 18.0, (18.0, math.radians(10.0), 0.0), 6.0)
+    assert turn.omega[-1] == pytest.approx(math.radians(10.0), rel=0.1)
+
+
+def test_a_copy_has_the_autopilot_as_its_own_and_is_clean(wing: Path, tmp_path: Path) -> None:
+    made = copy(f"{wing}@pid.eq", tmp_path / "mine", {"ROLL_P": 0.8})
+    airframe = load(made)
+    assert (airframe.name, airframe.autopilot, airframe.parameters["ROLL_P"]) == ("mine@pid", "pid.eq", 0.8)
+    assert airframe.identified is None  # those were of the inverting autopilot
+    assert 'value="0.8"> ap/ROLL-P' in (made / "systems" / "autopilot.xml").read_text()
+    changed = airframe.with_gains({"ROLL_P": 0.5})
+    assert changed.fingerprint() != airframe.fingerprint()
+    with pytest.raises(KeyError, match=r"no gain ROLL_Q; near: ROLL_"):
+        airframe.with_gains({"ROLL_Q": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("x8@fast", "there is no autopilot fast; there are .*inverting"),
+        ("x8@none.eq", "none.eq does not exist"),
+        ("x8@inverting@pid.eq", "name one autopilot"),
+    ],
+)
+def test_an_autopilot_that_there_is_not_is_named(name: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        load(name)
+
+
+def test_asking_for_its_own_autopilot_is_the_airframe_itself() -> None:
+    assert load("x8@inverting") == load("x8")
+    assert load("x8@inverting").fingerprint() == load("x8").fingerprint()
+
+
+def test_a_name_is_split_at_the_first_at_of_its_last_part(tmp_path: Path) -> None:
+    assert split("a@b/c@px4") == ("a@b/c", ("px4",))
+    assert split("x8") == ("x8", ())
+    (tmp_path / "d@e").mkdir()
+    assert split(tmp_path / "d@e") == (str(tmp_path / "d@e"), ())
+
+
+def test_a_property_that_jsbsim_has_not_is_named(wing: Path) -> None:
+    text = (wing / "pid.eq").read_text().replace("attitude/phi-rad", "attitude/fi-rad")
+    (wing / "typo.eq").write_text(text)
+    with pytest.raises(FdmError, match="roll_rad of the autopilot: JSBSim has no property attitude/fi-rad"):
+        fly(load(f"{wing}@typo.eq"), 18.0, (18.0, 0.0, 0.0), 0.1)
+
+
+def test_a_run_names_airframe_and_autopilot(
+    wing: Path, tmp_path: Path, call: Callable[..., int]
+) -> None:
+    out = tmp_path / "run"
+    wanted = f'airframes=["{wing}@pid.eq"]'
+    flags = ["--set", wanted, "--set", "duration_s=1", "--set", "fdm_dt_s=0.01", "--out", str(out)]
+    call("run", "paper-2-turn", "--plant", "jsbsim", *flags)
+    assert '"wing@pid"' in (out / "manifest.json").read_text()
+    assert call("verify", str(out)) == 0
