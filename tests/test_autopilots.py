@@ -119,12 +119,10 @@ def test_a_property_that_jsbsim_has_not_is_named(wing: Path) -> None:
         fly(load(f"{wing}@typo.eq"), 18.0, (18.0, 0.0, 0.0), 0.1)
 
 
-def test_a_run_names_airframe_and_autopilot(
-    wing: Path, tmp_path: Path, call: Callable[..., int]
-) -> None:
+def test_a_run_names_airframe_and_autopilot(wing: Path, tmp_path: Path, call: Callable[..., int]) -> None:
     out = tmp_path / "run"
     wanted = f'airframes=["{wing}@pid.eq"]'
-    flags = ["--set", wanted, "--set", "duration_s=1", "--set", "fdm_dt_s=0.01", "--out", str(out)]
+    flags = ["--set", wanted, "--set", "duration_s=0.5", "--out", str(out)]
     call("run", "paper-2-turn", "--plant", "jsbsim", *flags)
     assert '"wing@pid"' in (out / "manifest.json").read_text()
     assert call("verify", str(out)) == 0

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from testbed.cli import (
-    aircraft,
     aircraft_log,
     answer,
     campaign,
@@ -19,6 +18,7 @@ from testbed.cli import (
     ledger,
     margin,
     regress,
+    remaking,
     remedies,
     run,
     schema,
@@ -75,10 +75,10 @@ _add("figures", figures.figures, figures.EXAMPLE, "Redraw the paper's figures, w
 _add("remedies", remedies.remedies, remedies.EXAMPLE, "Compare remedies at equal seeds.")
 _add("margin", margin.margin, margin.EXAMPLE, "Find the smallest setting of a remedy that is enough.")
 _add("answer", answer.answer, answer.EXAMPLE, "Tabulate whether the guarantee survives.")
-aircraft.app.command(
+remaking.app.command(
     "log", short_help="Lags of a flight log, beside the simulated aircraft.", epilog=aircraft_log.EXAMPLES
 )(aircraft_log.log)
-app.add_typer(aircraft.app, name="aircraft")
+app.add_typer(remaking.app, name="aircraft")
 _add("tune", tune.tune, tune.TUNE_EXAMPLES, "Score, sweep or optimise an airframe's gains.")
 _add("report", cli_report.report, cli_report.EXAMPLE, "Write one HTML page of what other commands wrote.")
 _add("export", export.export, export.EXAMPLE, "Convert a run for Tacview, or to CSV.")
