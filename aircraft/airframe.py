@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from aircraft.airframes.editing import replace_tables
+from aircraft.airframes.naming import split
 from aircraft.airframes.safety import vet
 from aircraft.airframes.schema import (
     AIRFRAMES,
@@ -17,7 +18,6 @@ from aircraft.airframes.schema import (
     folder_of,
     names,
     read_airframe,
-    split,
 )
 from aircraft.autopilots import gains
 from aircraft.autopilots.fitting import fitted_with

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import copy, load
-from aircraft.airframes.schema import split
+from aircraft.airframes.naming import split
 from aircraft.autopilots.tuning import fly
 from aircraft.equations.compiler import system_xml
 from aircraft.equations.language import parse

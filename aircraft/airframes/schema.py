@@ -225,15 +225,6 @@ def names() -> list[str]:
     return sorted(p.parent.name for p in AIRFRAMES.glob("*/airframe.toml"))
 
 
-def split(name_or_folder: str | Path) -> tuple[str, tuple[str, ...]]:
-    """What names an airframe, and what follows it: "x8@arduplane" is x8 under another autopilot."""
-    text = str(name_or_folder)
-    if Path(os.path.expanduser(text)).exists():  # a folder somewhere below one with an @ in its name
-        return text, ()
-    at = text.find("@", text.rfind("/") + 1)
-    return (text, ()) if at < 1 else (text[:at], tuple(text[at + 1 :].split("@")))
-
-
 def folder_of(name_or_folder: str | Path) -> Path:
     """Where an airframe is: by name in the package, else the path, which need not exist; `~` is home."""
     if isinstance(name_or_folder, str) and name_or_folder in names():

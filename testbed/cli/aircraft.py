@@ -141,7 +141,7 @@ def copy(
 ) -> None:
     """Copy an airframe to start your own from: its model, gains and sources in a new folder."""
     from aircraft.airframe import copy as copied
-    from aircraft.airframes.schema import split
+    from aircraft.airframes.naming import split
 
     if autopilot is not None:
         name = f"{split(name)[0]}@{autopilot}"

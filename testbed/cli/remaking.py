@@ -78,7 +78,7 @@ def _folder(name: str) -> str:
     """`name`, unless it is a gains file: what is written belongs into an airframe's folder."""
     if name.endswith(".toml"):
         raise UserError(f"{name}: give an airframe or its folder, not a gains file")
-    from aircraft.airframes.schema import split
+    from aircraft.airframes.naming import split
 
     base, asked = split(name)
     if asked:

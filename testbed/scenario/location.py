@@ -47,7 +47,7 @@ def relative(airframes: Any) -> Iterable[str]:
 
 def split(airframe: str) -> tuple[str, tuple[str, ...]]:
     """An airframe's folder, and the autopilot asked for after an @."""
-    from aircraft.airframes.schema import split as parts
+    from aircraft.airframes.naming import split as parts
 
     return parts(airframe)
 
