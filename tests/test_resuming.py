@@ -106,8 +106,8 @@ def test_changed_code_or_packages_are_another_run(monkeypatch: pytest.MonkeyPatc
     monkeypatch.undo()
     fresh = identity.code_id.__wrapped__
     now = fresh("testbed.studies.common.measure")
-    versions = identity.catalogue.versions()
-    monkeypatch.setattr(identity.catalogue, "versions", lambda: versions | {"jsbsim": "0.1"})
+    versions = identity.versions()
+    monkeypatch.setattr(identity, "versions", lambda: versions | {"jsbsim": "0.1"})
     assert fresh("testbed.studies.common.measure") != now
     monkeypatch.undo()
     other = tmp_path / "changed.py"

@@ -16,6 +16,7 @@ import numpy as np
 from filters.barriers.pairs import Barrier, PairValues, all_pairs
 from filters.barriers.per_pair import PerPair
 from filters.cbf.constraints import manoeuvres, observed_rows, observed_shares, own_rows, pair_rows, shares
+from filters.cbf.intruders import Intruders, released
 from filters.cbf.problem import Problem, input_set
 from filters.constraints import Alpha, Constraints, Maker, Margin
 from filters.filter import Decision, Declaration
@@ -50,6 +51,7 @@ class CollisionFilter:
     solver   "auto" or "osqp" (see `qp.Solver`)
     also     makers of constraints beside those of the pairs; centralised they see what each vehicle knows of
              itself, limited what one vehicle sees
+    intruders  vehicles that are not under the filter and what is assumed of them; None: there are none
     A pair has a row if one of the two knows of the other (`View.known`); limited, the vehicle that does.
     Raises   ValueError for several barriers without `shared=False`, or an unknown mode or solver.
 
@@ -66,6 +68,7 @@ class CollisionFilter:
         margin: Margin | None = None,
         solver: single.Solver = "auto",
         also: Sequence[Maker] = (),
+        intruders: Intruders | None = None,
     ) -> None:
         if isinstance(barrier, Sequence):
             if not barrier:
@@ -82,7 +85,7 @@ class CollisionFilter:
         single.check_solver(solver)
         self.barrier: Barrier = barrier
         self.alpha, self.mode, self.margin, self.solver = alpha, mode, margin, solver
-        self.also = tuple(also)
+        self.also, self.intruders = tuple(also), intruders
         self._gamma: dict[int, Array | None] = {}
 
     @property
@@ -125,6 +128,8 @@ class CollisionFilter:
         Raises  ValueError if a nominal command, FloatingPointError if a constraint, is not finite; ValueError
                 in limited mode if the barrier has no manoeuvre.
         """
+        if self.intruders is not None:
+            return self._beside(self.intruders, view, nominal, limits)
         problem = self.problem(view, nominal, limits)
         pairs, blocks = self._made(view)
         n = len(problem.target)
@@ -143,12 +148,35 @@ class CollisionFilter:
             u, status, residual = problem.limited(own_rows(blocks, each))
         else:
             gamma, view = self.gamma(n), _one_by_one(view)
-            own = observed_rows(self.barrier, self.alpha, view, gamma)
-            if self.also:
-                others = [r for maker in self.also for r in observed_shares(maker, self.barrier, view, gamma)]
-                own = own_rows([own, *others], [(rows.rhs,) for rows in (own, *others)])
+            own = self._observed(view, gamma)
             u, status, residual = problem.limited(own.raised(self.margin))
         return problem.decision(u, status, residual, *_over_all(pairs, blocks[0].left(u), n))
+
+    def _beside(self, intruders: Intruders, view: View, nominal: Command, limits: Limits) -> Decision:
+        """`__call__` where there are intruders, which fly what they want."""
+        problem = self.problem(view, nominal, limits)
+        pairs, blocks = self._made(view)
+        own_view, n = view.own(), len(problem.target)
+        if self.mode == "centralised":
+            u, status, residual = problem.centralised([rows.raised(self.margin) for rows in blocks])
+        else:
+            if view.shared and view.known is None:
+                own = own_rows(blocks, self.shares(blocks, n, self.margin))
+            else:
+                own = self._observed(_one_by_one(view), self.gamma(n)).raised(self.margin)
+            u, status, residual = problem.limited(own)
+        all_rows = pair_rows(pairs, own_view.state, self.alpha)
+        hdot = intruders.hdot(all_rows, u, own_view.rates.array())
+        decision = problem.decision(u, status, residual, *_over_all(pairs, hdot, n))
+        return released(decision, nominal, limits, intruders.vehicles)
+
+    def _observed(self, view: View, gamma: Array | None) -> Constraints:
+        """Every vehicle's own rows from what it sees, without margin."""
+        own = observed_rows(self.barrier, self.alpha, view, gamma, self.intruders)
+        if not self.also:
+            return own
+        others = [r for maker in self.also for r in observed_shares(maker, self.barrier, view, gamma)]
+        return own_rows([own, *others], [(rows.rhs,) for rows in (own, *others)])
 
     def _made(self, view: View) -> tuple[PairValues, tuple[Constraints, ...]]:
         """The values of all pairs, and the rows: theirs first, then those of `also`."""
@@ -161,6 +189,8 @@ class CollisionFilter:
             pairs = self.barrier.values(own.state, i[met], j[met])
         rows = pair_rows(pairs, own.state, self.alpha)
         others = [block.known(own) for maker in self.also for block in maker(own)] if self.also else ()
+        if self.intruders is not None:
+            return pairs, (*self.intruders.rows(rows, own.rates.array()), *others)
         return pairs, (rows, *others)
 
 

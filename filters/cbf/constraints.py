@@ -12,6 +12,7 @@ import numpy as np
 
 from filters.barriers.pairs import Barrier, PairValues, vehicle_of
 from filters.barriers.per_pair import PerPair
+from filters.cbf.intruders import Intruders
 from filters.constraints import Alpha, Constraints, Maker, Margin, amount, dot, taken
 from filters.model import Array, State, View
 
@@ -92,25 +93,37 @@ def own_rows(blocks: Sequence[Constraints], parts: Sequence[tuple[Array, ...]]) 
     return Constraints((vehicle,), (lie,), h, rhs)
 
 
-def observed_rows(barrier: Barrier, alpha: Alpha, view: View, gamma: Array | None = None) -> Constraints:
+def observed_rows(
+    barrier: Barrier,
+    alpha: Alpha,
+    view: View,
+    gamma: Array | None = None,
+    intruders: Intruders | None = None,
+) -> Constraints:
     """Every vehicle's own rows (N (N-1),) of its pairs with vehicles it knows, each from what it sees.
 
-    gamma  as for `manoeuvres`
+    gamma      as for `manoeuvres`
+    intruders  they have no rows; a row beside one is the other vehicle's alone
     """
     n = len(view.state)
     observer, other = np.nonzero(~np.eye(n, dtype=bool))
     if view.known is not None:
         seen = view.knows(observer, other)
         observer, other = observer[seen], other[seen]
+    if intruders is not None:
+        ours = ~intruders.mask[observer]
+        observer, other = observer[ours], other[ours]
     i, j = np.minimum(observer, other), np.maximum(observer, other)
     pairs = barrier.values(view.state, (observer, i), (observer, j))
     rows = pair_rows(pairs, view.state, alpha)
     rhs_i, rhs_j = shares(rows, manoeuvres(barrier, rows, n, gamma))
     first = observer < other
     lie_i, lie_j = rows.lie
-    return Constraints(
-        (observer,), (np.where(first[:, None], lie_i, lie_j),), rows.h, np.where(first, rhs_i, rhs_j)
-    )
+    lie, rhs = np.where(first[:, None], lie_i, lie_j), np.where(first, rhs_i, rhs_j)
+    if intruders is not None:
+        theirs, rates = np.where(first[:, None], lie_j, lie_i), view.rates.array()[observer, other]
+        rhs = np.where(intruders.mask[other], rows.rhs - intruders.drift(theirs, other, rates), rhs)
+    return Constraints((observer,), (lie,), rows.h, rhs)
 
 
 def observed_shares(maker: Maker, barrier: Barrier, view: View, gamma: Array | None) -> list[Constraints]:

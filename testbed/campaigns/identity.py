@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.components import catalogue
+from testbed.components.versions import versions
 from testbed.scenario import fleet
 from testbed.scenario.location import identity, path_of
 from testbed.scenario.scenario import Scenario, parse
@@ -47,7 +48,7 @@ def modules(start: str = "testbed.simulation.simulate") -> list[Path]:
 @cache
 def code_id(start: str = "testbed.simulation.simulate") -> str:
     """Of the code that a run is computed by and of the packages it stands on; drawing is not part of it."""
-    digest = hashlib.sha256(json.dumps(catalogue.versions(), sort_keys=True).encode())
+    digest = hashlib.sha256(json.dumps(versions(), sort_keys=True).encode())
     for file in modules(start):
         digest.update(str(file.relative_to(ROOT)).encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()[:16]

@@ -20,8 +20,8 @@ from testbed.campaigns.progress import Progress, progress
 from testbed.campaigns.sent_parts import OwnParts, SentParts
 from testbed.campaigns.summary import summary
 from testbed.campaigns.view import View
-from testbed.components.catalogue import versions
 from testbed.components.named_parts import NamedPart
+from testbed.components.versions import versions
 from testbed.errors import UserError
 from testbed.records.store import write_json
 from testbed.scenario import scenario

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from aircraft.airframes.schema import Airframe
 from filters.barriers.pairs import Barrier
+from testbed.scenario import fleet
 from testbed.scenario.scenario import Scenario
 
 
@@ -23,8 +24,10 @@ def unflyable(s: Scenario, barrier: Barrier, airframes: Sequence[Airframe]) -> l
     from aircraft.jsbsim.errors import FdmError
     from aircraft.jsbsim.trim import trim
 
-    reasons, known = [], {}
+    reasons, known, strangers = [], {}, fleet.intruders(s)
     for vehicle, airframe in enumerate(airframes):
+        if vehicle in strangers:
+            continue
         v, omega, zeta = (float(c[vehicle]) for c in (gamma.v, gamma.omega, gamma.zeta))
         for airspeed in sorted({v - s.wind.speed_mps, v + s.wind.speed_mps}):
             case = (airframe.name, airspeed, omega, zeta)

@@ -14,6 +14,7 @@ from testbed.claims import own_filter, registry
 from testbed.claims.judging import at_pair, decide, finer, leave_open, premise_not_met
 from testbed.claims.registry import Claim
 from testbed.measures.between_samples import TOLERANCE_M
+from testbed.measures.roles import Mask, Roles
 from testbed.measures.run_statistics import RunStatistics
 from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import Scenario
@@ -36,6 +37,7 @@ class Flown:
     started_in_fences  whether h >= 0 for all fences at t = 0
     end           why the run ended before its time, or None
     straight      (N,) m, distance from start to goal
+    roles         who is under the filter; None without intruders
     solo_time_s   (N,) s, time from there to within the goal radius at the nominal speed; None if unknown
     """
 
@@ -48,16 +50,36 @@ class Flown:
     straight: np.ndarray
     solo_time_s: np.ndarray | None = None
     started_in_fences: bool = True
+    roles: Roles | None = None
 
     def unjudged(self, claim: Claim) -> Verdict:
         """A verdict on `claim` without data, with the words and units of this scenario."""
-        return claim.unjudged(self.scenario.barrier.form, self.scenario.goal_radius_m)
+        s = self.scenario
+        return claim.unjudged(s.barrier.form, s.goal_radius_m, self.roles is not None)
+
+    @property
+    def ours(self) -> Mask | None:
+        """(P,) pairs under the filter; None is all."""
+        return self.roles.ours if self.roles else None
+
+    @property
+    def judged(self) -> Mask | None:
+        """(P,) pairs with a vehicle under the filter; None is all."""
+        return self.roles.judged if self.roles else None
+
+    @property
+    def under(self) -> Mask | None:
+        """(N,) vehicles under the filter; None is all."""
+        return self.roles.under if self.roles else None
 
 
 def judge(f: Flown) -> list[Verdict]:
-    """G1 to G8, one verdict per claim, in the order of the registry."""
+    """G1 to G8, and G1i with intruders, one verdict per claim, in the order of the registry."""
+    beside = []
+    if f.roles is not None:
+        beside = [_separation(f, f.unjudged(registry.SEPARATION_INTRUDERS), f.roles.beside)]
     return [
-        _separation(f, f.unjudged(registry.SEPARATION)),
+        _separation(f, f.unjudged(registry.SEPARATION), f.ours),
         _invariance(f, f.unjudged(registry.SAFE_SET)),
         _condition(f, f.unjudged(registry.BARRIER_CONDITION)),
         _admissible(f, f.unjudged(registry.ZCBF_CONDITION)),
@@ -66,18 +88,24 @@ def judge(f: Flown) -> list[Verdict]:
         _rows(f, f.unjudged(registry.ROWS_SATISFIED)),
         _goals(f, f.unjudged(registry.GOAL)),
         _intervention(f, f.unjudged(registry.INTERVENTION)),
+        *beside,
     ]
 
 
-def _separation(f: Flown, v: Verdict) -> Verdict:
+def _separation(f: Flown, v: Verdict, which: Mask | None) -> Verdict:
+    """Of `which` (P,) of the pairs; None is all."""
     if not f.i.size:
         return v.but(why="a single vehicle has no pair")
+    if which is not None and not which.any():
+        return v.but(why="a single vehicle under the filter has no pair")
     d_safe, dt = f.scenario.d_safe_m, f.scenario.rates.fdm_dt_s
     possible, reached = f.statistics.least_distances()
-    _, between, _ = f.statistics.between.worst()
-    (_, sampled, _), (_, nearest, _) = f.statistics.separation.worst(), reached.worst()
+    reached, samples = reached.among(which), f.statistics.separation.among(which)
+    possible = possible if which is None else np.where(which, possible, np.inf)
+    _, between, _ = f.statistics.between.among(which).worst()
+    (_, sampled, _), (_, nearest, _) = samples.worst(), reached.worst()
     # The value is that of the samples, unless only a passing between them tells.
-    v = at_pair(v, reached if nearest < d_safe <= sampled else f.statistics.separation, f.i, f.j, d_safe)
+    v = at_pair(v, reached if nearest < d_safe <= sampled else samples, f.i, f.j, d_safe)
     worst = int(np.argmin(possible))
     v = v.but(detail={"between_steps_m": between, "possible_m": float(possible[worst])})
     if not nearest >= d_safe or possible[worst] >= d_safe - TOLERANCE_M:
@@ -89,7 +117,7 @@ def _separation(f: Flown, v: Verdict) -> Verdict:
 def _invariance(f: Flown, v: Verdict) -> Verdict:
     if not f.i.size:
         return v.but(why="no pair, no barrier")
-    v = at_pair(v, f.statistics.h, f.i, f.j, -H_TOLERANCE_M)
+    v = at_pair(v, f.statistics.h.among(f.judged), f.i, f.j, -H_TOLERANCE_M)
     if not f.started_safe:
         return premise_not_met(v, "the start is outside the safe set")
     return decide(v, v.value is not None and v.value >= -H_TOLERANCE_M, f.end)
@@ -99,7 +127,7 @@ def _condition(f: Flown, v: Verdict) -> Verdict:
     """G3, from the statistics' least hdot + alpha(h) along the motion."""
     if not f.i.size:
         return v.but(why="no pair, no barrier")
-    v = at_pair(v, f.statistics.condition, f.i, f.j, -CONDITION_TOLERANCE_MPS)
+    v = at_pair(v, f.statistics.condition.among(f.judged), f.i, f.j, -CONDITION_TOLERANCE_MPS)
     if v.value is None:
         return premise_not_met(v, "the run had no motion")
     return decide(v, v.value >= -CONDITION_TOLERANCE_MPS, f.end)
@@ -108,7 +136,9 @@ def _condition(f: Flown, v: Verdict) -> Verdict:
 def _admissible(f: Flown, v: Verdict) -> Verdict:
     if not f.i.size:
         return v.but(why="no pair, no barrier")
-    v = at_pair(v, f.statistics.admissible, f.i, f.j, -H_TOLERANCE_M)
+    if f.ours is not None and not f.ours.any():
+        return v.but(why="a single vehicle under the filter has no pair")
+    v = at_pair(v, f.statistics.admissible.among(f.ours), f.i, f.j, -H_TOLERANCE_M)
     if v.value is None:
         return premise_not_met(v, "no pair was ever inside its safe set")
     return decide(v, v.value >= -H_TOLERANCE_M, f.end)
@@ -157,7 +187,7 @@ def _rows(f: Flown, v: Verdict) -> Verdict:
         return own_filter.rows(f.statistics, v, f.end)
     if f.scenario.filter.kind not in QP_FILTERS or not f.i.size or f.statistics.without_qp:
         return v.but(why="no rows")
-    v = at_pair(v, f.statistics.rows, f.i, f.j, -ROW_TOLERANCE_MPS)
+    v = at_pair(v, f.statistics.rows.among(f.judged), f.i, f.j, -ROW_TOLERANCE_MPS)
     if v.value is None:
         return premise_not_met(v, "no QP was solved")
     return decide(v, v.value >= -ROW_TOLERANCE_MPS, f.end)
@@ -165,7 +195,8 @@ def _rows(f: Flown, v: Verdict) -> Verdict:
 
 def _goals(f: Flown, v: Verdict) -> Verdict:
     s, statistics = f.scenario, f.statistics
-    worst = int(np.argmax(statistics.goal.value))
+    reached = statistics.goal.value
+    worst = int(np.argmax(reached if f.under is None else np.where(f.under, reached, -np.inf)))
     value = float(statistics.goal.value[worst])
     v = v.but(
         value=value,
@@ -174,11 +205,12 @@ def _goals(f: Flown, v: Verdict) -> Verdict:
         instant=float(statistics.goal.t[worst]),
         vehicles=(worst + 1,),
     )
-    late = int(np.isnan(statistics.passed).sum())
+    passed = statistics.passed if f.under is None else statistics.passed[f.under]
+    late = int(np.isnan(passed).sum())
     if late:
-        v = v.but(why=f"{late} of {statistics.vehicles} not within it by the end")
+        v = v.but(why=f"{late} of {passed.size} not within it by the end")
     else:
-        v = v.but(detail={"last_passed_s": float(np.max(statistics.passed))})
+        v = v.but(detail={"last_passed_s": float(np.max(passed))})
     return decide(v, value <= s.goal_radius_m, f.end)
 
 

@@ -20,6 +20,7 @@ from testbed.claims.judging import decide, finer, leave_open, premise_not_met
 from testbed.claims.registry import MANOEUVRE_KEEPS_DS
 from testbed.measures.between_samples import Bends, closest_on_arcs, nearest_on_chords
 from testbed.measures.near_misses import NearMisses
+from testbed.measures.roles import Roles
 from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import Scenario
 
@@ -57,6 +58,7 @@ def fly(
     i: np.ndarray,
     j: np.ndarray,
     arcs: bool,
+    who: Roles | None = None,
 ) -> Verdict:
     """G9: one verdict, its detail a row per instant.
 
@@ -66,8 +68,11 @@ def fly(
             halfway between the worst instant so far and the worse of its neighbours
     i, j    vehicles of each pair, from 0
     arcs    whether the vehicles are unicycles, which fly gamma exactly
+    who     who is under the filter: intruders do not fly gamma, but on; None without intruders
     """
     v = MANOEUVRE_KEEPS_DS.unjudged(s.barrier.form, s.goal_radius_m)
+    if who is not None:
+        i, j = i[who.ours], j[who.ours]
     if not i.size:
         return v.but(why="no pair")
     gamma = barrier.manoeuvre(s.vehicles)
@@ -81,8 +86,13 @@ def fly(
         if step is None:
             break
         plant = branch(step * dt)
-        h = barrier.values(plant.state()).h
-        reached, fault = _fly(plant, wind, limits.clip(gamma), step * dt, i, j, s.d_safe_m, arcs)
+        flown = limits.clip(gamma)
+        if who is None:
+            h = barrier.values(plant.state()).h
+        else:
+            h = barrier.values(plant.state(), i, j).h
+            flown = _on(flown, plant, limits, who)
+        reached, fault = _fly(plant, wind, flown, step * dt, i, j, s.d_safe_m, arcs)
         rows[step] = _row(s, step * dt, h, reached, i, j) | {"fault": fault}
     branches = [rows[step] for step in sorted(rows)]
     v = v.but(detail={"branches": branches})
@@ -107,6 +117,13 @@ def fly(
         return decide(v, value >= low, None)
     why = finer(doubtful["possible_m"], doubtful["radius_m"], s.d_safe_m, s.rates.fdm_dt_s)
     return leave_open(v, f"flown from {doubtful['t_s']:g} s, {why}", None)
+
+
+def _on(gamma: Command, plant: Plant, limits: Limits, who: Roles) -> Command:
+    """gamma, but intruders keep their speed, course and climb rate, inside their limits."""
+    rates = plant.achieved()
+    on = limits.clip(Command(rates.v, np.zeros(len(rates)), rates.zeta)).array()
+    return Command.of(np.where(who.under[:, None], gamma.array(), on))
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from filters.barriers.closed_form import TurnBarrier
@@ -38,7 +40,17 @@ def _start(f: Flown, v: Verdict) -> Verdict:
 
 def _shared(f: Flown, v: Verdict) -> Verdict:
     shared = f.scenario.barrier.shared
+    if shared and f.roles is not None:
+        return decide_premise(v, False, strangers(f.roles.intruders))
     return decide_premise(v, shared, "" if shared else "each pair has its own")
+
+
+def strangers(vehicles: Sequence[int]) -> str:
+    """Who does not fly the manoeuvre, `vehicles` from 0."""
+    *first, last = [str(k + 1) for k in vehicles]
+    if not first:
+        return f"vehicle {last} is an intruder"
+    return f"vehicles {', '.join(first)} and {last} are intruders"
 
 
 def _inside(f: Flown, barrier: Barrier, limits: Limits, v: Verdict) -> Verdict:
@@ -48,6 +60,8 @@ def _inside(f: Flown, barrier: Barrier, limits: Limits, v: Verdict) -> Verdict:
     c, low, high = gamma.array(), limits.lower.array(), limits.upper.array()
     span = np.where(high > low, high - low, 1.0)
     margin = (np.minimum(c - low, high - c) / span).min(axis=-1)
+    if f.under is not None:
+        margin = np.where(f.under, margin, np.inf)
     worst = int(np.argmin(margin))
     least = float(margin[worst])
     v = v.but(value=least, bound=0.0, margin=least, vehicles=(worst + 1,))
@@ -61,7 +75,7 @@ def _flyable(f: Flown, unflyable: list[str], v: Verdict) -> Verdict:
 
 
 def _gradient(f: Flown, v: Verdict) -> Verdict:
-    v = at_pair(v, f.statistics.gradient, f.i, f.j, LEAST_GRADIENT)
+    v = at_pair(v, f.statistics.gradient.among(f.ours), f.i, f.j, LEAST_GRADIENT)
     if v.value is None:
         return v.but(why="no pair came to the boundary")
     return decide_premise(v, v.value > LEAST_GRADIENT)
@@ -72,7 +86,7 @@ def _kink(f: Flown, barrier: Barrier, v: Verdict) -> Verdict:
         return v.but(why="no kink, or nothing binds")
     if barrier.smoothing > 0:
         return decide_premise(v, True, "smoothed")
-    v = at_pair(v, f.statistics.kink, f.i, f.j, 1.0)
+    v = at_pair(v, f.statistics.kink.among(f.ours), f.i, f.j, 1.0)
     if v.value is None:
         return v.but(why="no row ever bound")
     holds = v.value >= 1.0

@@ -17,6 +17,7 @@ class Claim:
 
     text      in words; {goal_radius_m} stands for the scenario's
     source    where the paper makes it
+    among     the text where there are intruders, if it differs: about vehicles under the filter alone
     quantity  what a verdict's value is
     unit      of that value; "h" stands for the unit of the scenario's barrier
     """
@@ -28,23 +29,25 @@ class Claim:
     source: str
     quantity: str = ""
     unit: str = ""
+    among: str = ""
 
-    def words(self, goal_radius_m: float) -> str:
-        """The text as a run states it."""
-        return self.text.replace("{goal_radius_m}", f"{goal_radius_m:g}")
+    def words(self, goal_radius_m: float, intruders: bool = False) -> str:
+        """The text as a run states it, one with or without intruders."""
+        text = self.among if intruders and self.among else self.text
+        return text.replace("{goal_radius_m}", f"{goal_radius_m:g}")
 
     def unit_of(self, form: str) -> str:
         """The unit with a barrier of that form, "root" (h in m) or "squared" (h in m^2)."""
         h = "m" if form == "root" else "m^2"
         return {"h": h, "h/s": f"{h}/s"}.get(self.unit, self.unit)
 
-    def unjudged(self, form: str, goal_radius_m: float) -> Verdict:
+    def unjudged(self, form: str, goal_radius_m: float, intruders: bool = False) -> Verdict:
         """A verdict without data: not applicable until something decides it."""
         return Verdict(
             id=self.id,
             number=self.number,
             kind=self.kind,
-            claim=self.words(goal_radius_m),
+            claim=self.words(goal_radius_m, intruders),
             source=self.source,
             quantity=self.quantity,
             unit=self.unit_of(form),
@@ -88,6 +91,17 @@ SEPARATION = Claim(
     "every pair keeps Ds",
     "Theorem 1 with eq. (7)",
     "least distance",
+    "m",
+    "every pair under the filter keeps Ds",
+)
+# Of runs with intruders alone.
+SEPARATION_INTRUDERS = Claim(
+    "separation-intruders",
+    "G1i",
+    Kind.GUARANTEE,
+    "every vehicle under the filter keeps Ds from every intruder",
+    "no theorem covers intruders",
+    "least distance to an intruder",
     "m",
 )
 SAFE_SET = Claim(
@@ -144,6 +158,7 @@ GOAL = Claim(
     "Section V: vehicles reach their waypoints",
     "largest over vehicles of the closest approach",
     "m",
+    "every vehicle under the filter passes its goal within {goal_radius_m} m before the run ends",
 )
 INTERVENTION = Claim(
     "intervention",
@@ -215,6 +230,7 @@ GUARANTEES = (
     GOAL,
     INTERVENTION,
 )
+INTRUDERS = (SEPARATION_INTRUDERS,)
 FENCES = (FENCE_CLEARANCE, FENCE_SAFE_SET)
 # Judged only of a user's own filter that declares a barrier.
 OWN = (OWN_SAFE_SET, OWN_CONDITION, OWN_ROWS)
@@ -229,11 +245,14 @@ OF_THE_PAPERS_BARRIER = (
     FENCE_SAFE_SET,
 )
 NOT_ITS_CLAIM = "not this filter's claim"
-CLAIMS = {claim.id: claim for claim in (*PREMISES, *GUARANTEES, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)}
+CLAIMS = {
+    claim.id: claim for claim in (*PREMISES, *GUARANTEES, *INTRUDERS, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)
+}
 # What a run can lose: intervention is reported, not judged.
 JUDGED = (
     *(claim for claim in GUARANTEES if claim is not INTERVENTION),
     MANOEUVRE_KEEPS_DS,
+    *INTRUDERS,
     *FENCES,
     *OWN,
 )

@@ -41,7 +41,7 @@ app = typer.Typer(
 
 def _version(asked: bool) -> None:
     if asked:
-        from testbed.components.catalogue import versions
+        from testbed.components.versions import versions
 
         print("\n".join(f"{name} {version}" for name, version in versions().items()))
         raise typer.Exit

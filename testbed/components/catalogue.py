@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import platform
 from collections.abc import Callable, Sequence
-from functools import cache
-from importlib import metadata
 from math import radians
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +18,7 @@ from filters.barriers.pairs import Barrier, ForwardDifference
 from filters.barriers.per_pair import PerPair
 from filters.cbf.collision import CollisionFilter, Passthrough
 from filters.cbf.fence_constraints import FenceConstraints
+from filters.cbf.intruders import Intruders
 from filters.cbf.theorem_monitor import Monitor
 from filters.filter import Choose, Filter
 from filters.model import Array, Command, Limits
@@ -37,8 +35,6 @@ from testbed.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from testbed.environment.environment import Environment
-
-PACKAGES = ("jsbsim", "daqp", "osqp", "numpy", "scipy", "pandas", "pyarrow")
 
 
 def limits(s: Scenario) -> Limits:
@@ -136,8 +132,15 @@ def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
         margin=remedies.margin(s),
         solver=said.solver,
         also=() if fenced is None else (FenceConstraints(fenced, alpha(s)),),
+        intruders=intruders(s),
     )
     return Monitor(made) if said.monitor else made
+
+
+def intruders(s: Scenario) -> Intruders | None:
+    """Who is not under the filter, and what the scenario assumes of them; None without intruders."""
+    who = fleet.intruders(s)
+    return Intruders(who, limits(s), s.intruders.assume) if who else None
 
 
 def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
@@ -278,17 +281,3 @@ def airframe_hashes(s: Scenario, loaded: Sequence[Any] = ()) -> dict[str, str]:
         return {}
     known = {airframe.name: airframe for airframe in loaded or airframes(s)}
     return {name: airframe.fingerprint() for name, airframe in known.items()}
-
-
-def versions() -> dict[str, str]:
-    """Versions of everything a number in a run depends on."""
-    return {
-        "cbf-jsbsim-testbed": _version("cbf-jsbsim-testbed"),
-        "python": platform.python_version(),
-    } | {name: _version(name) for name in PACKAGES}
-
-
-@cache
-def _version(package: str) -> str:
-    # Reading all of them takes as long as flying two aircraft for three seconds.
-    return metadata.version(package)

@@ -97,7 +97,7 @@ def wrap(
         gamma = own.manoeuvre(s.vehicles)
         if gamma is None:
             raise UserError("remedy.predict_lags: the barrier has no one evading manoeuvre; use prediction_s")
-        made = Predicted(made, LaggedPose(lags(s), gamma))
+        made = Predicted(made, LaggedPose(_of_filtered(s, lags(s)), gamma))
     elif r.prediction_s:
         made = Predicted(made, Horizon(r.prediction_s))
     if r.air_mass:
@@ -109,6 +109,13 @@ def wrap(
             )
         made = AirMass(made, speed * np.array([math.cos(towards), math.sin(towards)]))
     return made
+
+
+def _of_filtered(s: Scenario, lags: list[tuple[Lag, ...]]) -> list[tuple[Lag, ...]]:
+    """The lags of each vehicle; none of intruders, which are not about to fly gamma."""
+    who = fleet.intruders(s)
+    each = lags * s.vehicles if who and len(lags) == 1 else lags
+    return [(Lag(0.0),) * 3 if k in who else of for k, of in enumerate(each)]
 
 
 def lag_table(t: TableLags) -> tuple[Lag, Lag, Lag]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from filters.model import Array
 
@@ -33,6 +34,12 @@ class Extreme:
         when = t if value.ndim == 1 else np.asarray(t)[np.argmin(value, axis=0)]
         self.value = np.where(better, low, self.value)
         self.t = np.where(better, when, self.t)
+
+    def among(self, which: NDArray[np.bool_] | None) -> Extreme:
+        """Of `which` (size,) of the quantities alone; of the others nothing was seen. None is all."""
+        if which is None:
+            return self
+        return Extreme(np.where(which, self.value, np.inf), np.where(which, self.t, np.nan))
 
     def worst(self) -> tuple[int, float, float]:
         """Index, value and time of the smallest of all, NaN first; (-1, nan, nan) if nothing was seen."""

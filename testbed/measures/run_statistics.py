@@ -16,6 +16,7 @@ from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.extreme import Extreme
 from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.near_misses import NearMisses
+from testbed.measures.roles import Roles
 from testbed.measures.saturation import Saturation
 
 # |h| [m] below which a pair stands at the boundary of the safe set.
@@ -53,6 +54,7 @@ class RunStatistics:
     arcs        closest approaches of unicycles, whose motion between samples is known; else None
     fences      how near vehicles came to their fences; None without fences
     bends       how paths bend between samples
+    roles       who is under the filter; None without intruders
     """
 
     vehicles: int
@@ -63,6 +65,7 @@ class RunStatistics:
     own: DeclaredBarrier | None = None
     arcs: ArcApproach | None = None
     fences: FenceStatistics | None = None
+    roles: Roles | None = None
     bends: Bends = field(init=False)
     separation: Extreme = field(init=False)
     between: Extreme = field(init=False)
@@ -219,7 +222,8 @@ class RunStatistics:
         """
         self.h.update(t, h)
         if self.near_misses is not None:
-            for at, now in zip(t.tolist(), h, strict=True):
+            near = h if self.roles is None else np.where(self.roles.ours, h, np.inf)
+            for at, now in zip(t.tolist(), near, strict=True):
                 self.near_misses.update(at, now.copy())
         best, least = alpha.copy(), alpha.copy()
         for side, vehicle in zip(lie, (self._i, self._j), strict=True):

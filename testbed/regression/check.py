@@ -12,6 +12,7 @@ import numpy as np
 from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
 from testbed.components.components import Parts
+from testbed.components.versions import versions
 from testbed.errors import UserError
 from testbed.regression.baseline import Baseline, read, scenario_of
 from testbed.regression.judging import DEGRADED, Finding, findings
@@ -124,8 +125,8 @@ def _price(recorded: Runs, now: Runs) -> list[str]:
 def _news(b: Baseline, flown: dict[str, str]) -> list[str]:
     """Airframes and packages that are not those of the recording: no findings, but likely causes."""
     said = [f"airframe {n}: not as recorded" for n, sha in flown.items() if sha != b.airframes.get(n)]
-    versions = catalogue.versions()
-    changed = [f"{n} {old} -> {versions.get(n)}" for n, old in b.versions.items() if old != versions.get(n)]
+    here = versions()
+    changed = [f"{n} {old} -> {here.get(n)}" for n, old in b.versions.items() if old != here.get(n)]
     return said + ([f"versions since: {', '.join(changed)}"] if changed else [])
 
 

@@ -14,6 +14,7 @@ from testbed.campaigns.job import Job
 from testbed.claims.registry import SEPARATION
 from testbed.components import catalogue
 from testbed.components.components import Parts
+from testbed.components.versions import versions
 from testbed.errors import UserError, nearest
 from testbed.regression.baseline import Baseline, differences, parse_file, place, relative, scenario_of, write
 from testbed.regression.judging import findings
@@ -131,7 +132,7 @@ def record(
     flown = s.model_copy(update={"plant": "jsbsim"})
     said: dict[str, Any] = {
         "reason": reason or "first recording",
-        "versions": catalogue.versions(),
+        "versions": versions(),
         "airframes": catalogue.airframe_hashes(flown),
     }
     if own:

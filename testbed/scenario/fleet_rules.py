@@ -20,6 +20,13 @@ def check_tables(s: Contents) -> None:
         )
     if len(lost) == count:
         raise ValueError("vehicle: every vehicle is an intruder (filter = false); leave one under the filter")
+    if lost and getattr(s.filter, "monitor", False):
+        raise ValueError("filter.monitor: it checks theorems that do not cover intruders; set it to false")
+    if lost and s.remedy.air_mass and s.intruders.assume == "nothing":
+        raise ValueError(
+            "intruders.assume: 'nothing' bounds an intruder over the ground, and remedy.air_mass filters in"
+            " the moving air; use 'keep-course'"
+        )
     boxes = fleet.limits(s)
     for k, v in enumerate(s.vehicle):
         if v.manoeuvre is not None:

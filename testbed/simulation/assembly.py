@@ -28,6 +28,7 @@ from testbed.components.provenance import Origin
 from testbed.environment.environment import Environment
 from testbed.errors import UserError
 from testbed.measures.declared_barrier import at_one_step
+from testbed.measures.roles import Mask, Roles, roles
 from testbed.scenario import fleet
 from testbed.scenario.scenario import Scenario
 
@@ -39,6 +40,7 @@ class Setting:
     start, goal   (N,) and (N, 3) m
     i, j          (P,) vehicles of each pair, from 0
     started_safe  whether h >= 0 for all pairs at t = 0
+    roles         who is under the filter; None without intruders
     fences, started_in_fences  None without fences; whether h >= 0 for all of them at t = 0
     """
 
@@ -53,6 +55,7 @@ class Setting:
     started_safe: bool
     fences: Fences | None = None
     started_in_fences: bool = True
+    roles: Roles | None = None
 
 
 def set_up(s: Scenario, force: bool) -> Setting:
@@ -66,10 +69,11 @@ def set_up(s: Scenario, force: bool) -> Setting:
     start, goal = places(s, rngs["start"])
     barrier = catalogue.barrier(s)
     i, j = all_pairs(s.vehicles)
-    safe = _check_start(barrier, start, i, j, force)
+    who = roles(s, i, j)
+    safe = _check_start(barrier, start, i, j, force, None if who is None else who.judged)
     made = fences(s, barrier)
     inside = made is None or check_start(made, start, force)
-    return Setting(s, rngs, start, goal, catalogue.limits(s), barrier, i, j, safe, made, inside)
+    return Setting(s, rngs, start, goal, catalogue.limits(s), barrier, i, j, safe, made, inside, who)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +146,10 @@ def put_together(setting: Setting, parts: Parts, own: dict[str, Origin]) -> Asse
     return Assembled(environment, plant, filter_, guidance, air, replay, aircraft, arcs, valued)
 
 
-def _check_start(barrier: Barrier, start: State, i: np.ndarray, j: np.ndarray, force: bool) -> bool:
-    """Whether h >= 0 for every pair; refused without `force`, and two vehicles at one place always."""
+def _check_start(
+    barrier: Barrier, start: State, i: np.ndarray, j: np.ndarray, force: bool, judged: Mask | None
+) -> bool:
+    """Whether h >= 0 for every pair that is judged; refused without `force`, and two at one place always."""
     if not i.size:
         return True
     place = start.position
@@ -152,6 +158,8 @@ def _check_start(barrier: Barrier, start: State, i: np.ndarray, j: np.ndarray, f
     if distance[p] == 0.0:
         raise UserError(f"vehicles {i[p] + 1} and {j[p] + 1} start at one place, {place[i[p]]} m")
     h = barrier.values(start).h
+    if judged is not None:
+        h = np.where(judged, h, np.inf)
     p = int(np.argmin(h))
     if h[p] >= -H_TOLERANCE_M:
         return True

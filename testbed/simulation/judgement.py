@@ -21,6 +21,7 @@ from testbed.components.border.contract import Breach, describe
 from testbed.components.border.others import OwnFilter
 from testbed.components.initial_conditions import generators
 from testbed.components.provenance import Origin
+from testbed.components.versions import versions
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.solo_time import solo_time
@@ -50,7 +51,7 @@ def judge(
     aircraft = made.aircraft if made else ()
     alone = _solo_time(setting, made) if made else None
     pairs, safe = (setting.i, setting.j), (setting.started_safe, setting.started_in_fences)
-    flown = guarantees.Flown(s, statistics, *pairs, safe[0], end, straight, alone, safe[1])
+    flown = guarantees.Flown(s, statistics, *pairs, safe[0], end, straight, alone, safe[1], setting.roles)
     # What a user's plant can fly steadily is unknown: that is no pass.
     unknown = [f"unknown whether {own['plant'].name} can fly it"] if "plant" in own else []
     verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, aircraft))
@@ -98,7 +99,8 @@ def _fly_manoeuvre(setting: Setting, made: Assembled, replay: Replay, near_misse
 
     when = manoeuvre.instants(s, near_misses, s.duration_s)
     pairs = setting.i, setting.j
-    return manoeuvre.fly(s, replay.branch, wind, setting.barrier, setting.limits, when, *pairs, made.arcs)
+    rest = setting.barrier, setting.limits, when, *pairs, made.arcs, setting.roles
+    return manoeuvre.fly(s, replay.branch, wind, *rest)
 
 
 def _manifest(
@@ -109,7 +111,7 @@ def _manifest(
         "schema_version": SCHEMA_VERSION,
         "scenario": s.model_dump(mode="json"),
         "seed_streams": list(generators(s.seed)),
-        "versions": catalogue.versions(),
+        "versions": versions(),
         "airframes": catalogue.airframe_hashes(s, aircraft),
         "ended_early": end,
         "filter_steps": statistics.filter_steps,

@@ -55,7 +55,8 @@ class Recorder:
         self.statistics.decided(
             s.t[new], self.dt, s.command[new], s.wanted[new], s.rates[new], s.override[new], self.limits
         )
-        inside = np.asarray((s.h[new] >= 0.0).all(axis=-1))
+        safe, who = s.h[new] >= 0.0, self.statistics.roles
+        inside = np.asarray((safe if who is None else safe[:, who.judged]).all(axis=-1))
         if self.statistics.fences is not None:
             inside &= self._look_at_fences(self.statistics.fences, new)
         self.statistics.solved(s.t[new], s.status[new], s.residual[new], inside)
@@ -133,8 +134,12 @@ class Recorder:
     def _solved_rows(self, new: slice) -> Array:
         """L_g h u + alpha(h) of the filter's own rows (S, P); inf where one of the QPs was not solved."""
         s = self.buffer
-        solved = s.status[new] == Status.SOLVED
+        solved, who = s.status[new] == Status.SOLVED, self.statistics.roles
+        if who is not None:  # a row beside an intruder is the other vehicle's; of two intruders there is none
+            solved[:, list(who.intruders)] = True
         known = solved[:, s.i] & solved[:, s.j] & ~np.isnan(s.filter_h[new])
+        if who is not None:
+            known &= who.judged
         return np.where(known, s.predicted[new] + self.alpha(s.filter_h[new]), np.inf)
 
     def _record_vehicles(self, steps: np.ndarray) -> None:

@@ -20,6 +20,7 @@ from testbed.components import catalogue
 from testbed.components.border.making import WORDS
 from testbed.components.components import Parts
 from testbed.components.installed_parts import effective
+from testbed.components.versions import versions
 from testbed.errors import UserError
 from testbed.records.checksums import sha256
 from testbed.records.run import called, option
@@ -61,7 +62,7 @@ def refly(folder: Path, progress: Progress | None = None, parts: Parts | None = 
         except UserError as error:
             return [*found, Finding("flown again", "a run", "refused", False, None, str(error))]
         found += _compared(folder, again, manifest)
-    other = _other_versions(manifest.get("versions", {}), catalogue.versions())
+    other = _other_versions(manifest.get("versions", {}), versions())
     if not other:
         return found
     return [f if f.agrees else replace(f, why="; ".join(filter(None, (f.why, other)))) for f in found]

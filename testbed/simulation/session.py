@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from filters.cbf.intruders import released
 from filters.filter import Decision
 from filters.model import Command
 from testbed.components import catalogue
@@ -91,7 +92,9 @@ class Session:
             steps = s.rates.fdm_steps, s.rates.fdm_dt_s
             fenced = FenceStatistics(setting.fences, setting.start, bool(made and made.arcs), *steps)
         surfaces = Saturation(made.aircraft if made else ())
-        self._statistics = RunStatistics(s.vehicles, surfaces, near_misses, arcs=arcs, fences=fenced)
+        self._statistics = RunStatistics(
+            s.vehicles, surfaces, near_misses, arcs=arcs, fences=fenced, roles=setting.roles
+        )
         if made and isinstance(made.filter, OwnFilter):
             self._statistics.foreign = True
             self._statistics.declared = DeclaredRows(setting.limits) if made.filter.declares else None
@@ -233,6 +236,9 @@ class Session:
                 wanted, self._commanded = commands if of is None else given(wanted, commands, of), True
             if filtered:
                 decision = made.filter(now.view, wanted, self._setting.limits)
+                if self._setting.roles is not None:
+                    who = self._setting.roles.intruders
+                    decision = released(decision, wanted, self._setting.limits, who)
             else:
                 decision, self._unfiltered = unfiltered(wanted), True
             if filtered and made.refused:

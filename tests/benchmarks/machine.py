@@ -7,7 +7,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
-from testbed.components import catalogue
+from testbed.components.versions import versions
 
 
 def describe() -> dict[str, Any]:
@@ -18,7 +18,7 @@ def describe() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "system": platform.system(),
         "load": round(load, 1),
-        "versions": catalogue.versions(),
+        "versions": versions(),
     }
 
 

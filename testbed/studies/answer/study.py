@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from testbed.campaigns.journal import journal_beside
 from testbed.components import catalogue
+from testbed.components.versions import versions
 from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
 from testbed.statistics import Rate
@@ -30,7 +31,7 @@ def answer(
         with reported(out, page.part, overwrite) as folder:
             table.to_csv(folder / "answer.csv", index=False)
             (folder / "answer.md").write_text(answers.markdown(table), encoding="utf-8")
-            asked = {"seeds": {str(n): k for n, k in each.items()}, "versions": catalogue.versions()}
+            asked = {"seeds": {str(n): k for n, k in each.items()}, "versions": versions()}
             hashes = [catalogue.airframe_hashes(s) for s in made.values()]
             asked["airframes"] = {name: sha for of in hashes for name, sha in of.items()}
             write_json(folder / "answer.json", asked)

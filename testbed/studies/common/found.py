@@ -10,6 +10,7 @@ from testbed.components import catalogue
 from testbed.components.border.making import WORDS
 from testbed.components.components import Parts
 from testbed.components.installed_parts import effective
+from testbed.components.versions import versions
 from testbed.records.run import called
 from testbed.scenario.scenario import Scenario
 
@@ -38,7 +39,7 @@ def provenance(s: Scenario, plant: str, parts: Parts | None = None) -> dict[str,
     known = {"parts": {role: origin.to_json() for role, origin in own.items()}} if own else {}
     return known | {
         "scenario": s.model_dump(mode="json"),
-        "versions": catalogue.versions(),
+        "versions": versions(),
         "airframes": catalogue.airframe_hashes(s.model_copy(update={"plant": plant})),
     }
 

@@ -187,7 +187,7 @@ def optimise(
     from aircraft.autopilots.gains import write as write_gains
     from aircraft.autopilots.specification import evaluate
     from aircraft.jsbsim.errors import FdmError
-    from testbed.components.catalogue import versions
+    from testbed.components.versions import versions
     from testbed.report import aircraft_tables as tables
 
     check_free(out, overwrite)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 def provenance_of(command: str, airframe: Airframe) -> dict[str, Any]:
     """What made a folder of gains: command, versions, the airframe's files."""
-    from testbed.components.catalogue import versions
+    from testbed.components.versions import versions
 
     return {
         "command": command,
