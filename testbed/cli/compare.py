@@ -1,4 +1,4 @@
-"""`testbed compare`: flies one scenario on several plants, or on every rung of the fidelity ladder."""
+"""`testbed compare`: flies one scenario with several plants, filters and guidance, or climbs the ladder."""
 
 from __future__ import annotations
 
@@ -13,26 +13,41 @@ from testbed.cli.common import (
     JsonOption,
     OutOption,
     OverwriteOption,
+    PartsOption,
     ScenarioArg,
     SeedOption,
     SetOption,
     WorkersOption,
     count,
     display,
+    named,
     show,
     show_study,
     with_seed,
 )
 from testbed.errors import UserError
 
-EXAMPLE = "Example: testbed compare paper-2-turn --plants unicycle,jsbsim --out runs/head-on"
+EXAMPLE = (
+    "Example: testbed compare paper-2-turn --plants unicycle,jsbsim"
+    " --filters centralised,my_parts.py:Cone,none --out runs/head-on"
+)
 
 
 def compare(
     scenario: ScenarioArg,
     plants: Annotated[
-        str | None, typer.Option("--plants", help="plants to compare; default unicycle,jsbsim")
+        str | None,
+        typer.Option(
+            "--plants", help="plants to compare; default unicycle,jsbsim, or the scenario's where filters vary"
+        ),
     ] = None,
+    filters: Annotated[
+        str | None, typer.Option("--filters", help="filters to compare: centralised,my_parts.py:Cone,none")
+    ] = None,
+    guidance: Annotated[
+        str | None, typer.Option("--guidance", help="guidance to compare: kinds, or FILE.py:NAME")
+    ] = None,
+    parts: PartsOption = None,
     set_: SetOption = None,
     seed: SeedOption = None,
     out: OutOption = None,
@@ -49,10 +64,19 @@ def compare(
     workers: WorkersOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html too")] = True,
 ) -> None:
-    """Fly one scenario on several plants: a table of guarantees, and figures with the plants overlaid."""
+    """Fly one scenario with several plants, filters and guidance: one table, and figures with all overlaid.
+
+    Every plant flies with every filter and every guidance that is named.
+    """
     if ladder:
-        if plants is not None:
-            raise UserError("--plants: the ladder's rungs have their own; leave it out")
+        for option, given in (
+            ("plants", plants),
+            ("filters", filters),
+            ("guidance", guidance),
+            ("parts", parts),
+        ):
+            if given is not None:
+                raise UserError(f"--{option}: the ladder's rungs have their own; leave it out")
         if seed is not None:
             raise UserError("--seed: the ladder flies seeds from 1; say how many with --seeds")
         if force or not report:
@@ -67,17 +91,19 @@ def compare(
     if seeds is not None:
         raise UserError("--seeds: only --ladder flies several; --seed N is one run's")
     from testbed.report.tables import scorecard
-    from testbed.scenario.variants import load_each
+    from testbed.studies.comparison.combinations import combinations
     from testbed.studies.comparison.comparison import compare as fly_all
 
-    names = [p.strip() for p in (plants or "unicycle,jsbsim").split(",") if p.strip()]
-    if not names:
-        raise UserError("--plants: name at least one plant")
-    scenarios = load_each(scenario, with_seed(set_, seed), names)
+    asked = {"plant": plants, "filter": filters, "guidance": guidance}
+    found = combinations(scenario, with_seed(set_, seed), asked, named(parts))
+    scenarios = {label: c.scenario for label, c in found.items()}
+    own = {label: c.parts for label, c in found.items() if c.parts is not None}
     first = next(iter(scenarios.values()))
     where = out or Path("runs") / f"{first.name}-compare"
     with display() as bar:
-        result = fly_all(scenarios, where, force=force, overwrite=overwrite, progress=bar, report=report)
+        result = fly_all(
+            scenarios, where, force=force, overwrite=overwrite, progress=bar, report=report, parts=own
+        )
     if as_json:
         print(json.dumps(result.summary(), indent=2))
         return

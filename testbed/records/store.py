@@ -15,6 +15,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ from testbed.records.checksums import plain, read_json, seal, sealed, sha256
 from testbed.records.locking import PathLock
 from testbed.records.run import Columns, Run
 from testbed.records.verdict import Verdict
-from testbed.scenario.location import moved
+from testbed.scenario.location import moved, placed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -169,6 +170,20 @@ class RunWriter:
         files = [f"{table}.parquet" for table in self._writers] + [GUARANTEES]
         sums = {"files": {name: sha256(self.folder / name) for name in sorted(files)}}
         write_json(self.folder / MANIFEST, sealed(_placed(run.manifest, self.folder) | sums))
+
+
+def save(run: Run, folder: Path) -> None:
+    """Write a run, kept in memory or read from elsewhere, as files into the empty `folder`."""
+    writer, manifest = RunWriter(folder), {k: v for k, v in run.manifest.items() if k != "files"}
+    if run.path is not None:
+        manifest["scenario"] = placed(manifest["scenario"], run.path)
+    for name in ("vehicles", "pairs"):
+        if run.tables.get(name):
+            writer.write(name, run.tables[name])
+        elif f"{name}.parquet" in run.manifest.get("files", {}):
+            frame = getattr(run, name)
+            writer.write(name, {column: frame[column].to_numpy() for column in frame})
+    writer.finish(replace(run, manifest=manifest))
 
 
 def check_free(path: Path, overwrite: bool) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,12 @@ from testbed.report.ledger_figures import ledger
 from testbed.report.style import LIMIT, PAGE, drawing, limits, log_distance, save, separation, styles
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+# Of more runs a legend within the axes would hide what they show.
+LEGEND_INSIDE = 3
 
 
 def compare(runs: Mapping[str, Run], folder: Path) -> list[Path]:
@@ -75,10 +80,26 @@ def panels(runs: Mapping[str, Run]) -> Figure:
         title="Paths (dot: start" + ("; north stretched)" if flat else ")"),
     )
     path.set_aspect("auto" if flat else "equal", adjustable="datalim")
-    for a in axes.flat:
-        if a.get_legend_handles_labels()[0]:
-            a.legend(loc="best")
+    legends(figure, list(axes.flat), distance)
     return figure
+
+
+def legends(figure: Figure, axes: Sequence[Axes], telling: Axes) -> None:
+    """A legend in each of `axes`; of many runs one below all, with the labels of `telling`: none hides a line."""
+    handles, labels = telling.get_legend_handles_labels()
+    if not handles:
+        handles, labels = axes[0].get_legend_handles_labels()
+    if len(labels) <= LEGEND_INSIDE:
+        for a in axes:
+            if a.get_legend_handles_labels()[0]:
+                a.legend(loc="best")
+        return
+    longest = max(map(len, labels))
+    columns = max(1, min(4, 100 // (longest + 8)))
+    lines = -(-len(labels) // columns)
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + 0.16 * lines)
+    figure.legend(handles, labels, loc="outside lower left", ncols=columns, handlelength=3.5)
 
 
 def _with_least(name: str, run: Run) -> str:
@@ -120,5 +141,5 @@ def aircraft(runs: Mapping[str, Run], looks: Mapping[str, dict[str, Any]]) -> Fi
     figure.align_ylabels(axes)
     axes[0].set_title("Attitude, and tracking errors (achieved minus commanded); dotted: least distance")
     axes[-1].set_xlabel("time [s]")
-    axes[0].legend(loc="best")
+    legends(figure, [axes[0]], axes[0])
     return figure

@@ -26,16 +26,23 @@ MARKS = {
 }
 
 
+# Of more runs a table shows marks and values alone: for the rest there is no room.
+FULL = 3
+
+
 def scorecard(runs: Mapping[str, Run], title: str) -> Table:
     """One row per claim, one column per run: value, status, worst instant and vehicles.
 
     Premises that every run met are named in the caption, and so are parts of the user's own; the other
-    premises have rows.
+    premises have rows. Of more than three runs a cell has a mark and the value; their labels stand below.
     """
-    table = Table(title=title, title_justify="left", caption_justify="left", pad_edge=False)
+    many = len(runs) > FULL
+    narrow: dict[str, Any] = {"box": None, "collapse_padding": True} if many else {}
+    table = Table(title=title, title_justify="left", caption_justify="left", pad_edge=False, **narrow)
     table.add_column("guarantee", no_wrap=True)
-    for name in runs:
-        table.add_column(name)
+    for k, name in enumerate(runs, 1):
+        table.add_column(Text(str(k) if many else name), overflow="fold")
+    shown = _mark_and_value if many else cell
     met = []
     claims = {v.id: v for run in runs.values() for v in run.guarantees}
     for first in claims.values():
@@ -44,8 +51,11 @@ def scorecard(runs: Mapping[str, Run], title: str) -> Table:
         if first.kind is Kind.PREMISE and Status.PREMISE_NOT_MET not in statuses:
             met += [first.id] if statuses == {Status.HOLDS} else []
             continue
-        table.add_row(f"{first.number} {first.id}", *("" if v is None else cell(v) for v in verdicts))
+        table.add_row(f"{first.number} {first.id}", *("" if v is None else shown(v) for v in verdicts))
     lines = ["premises met: " + ", ".join(met)] if met else []
+    if many:
+        lines += [f"{k}: {name}" for k, name in enumerate(runs, 1)]
+        lines.append("+ holds, x violated, ? premise not met or open, - not applicable")
     for name, run in runs.items():
         own = sentence(run.manifest)
         lines += [f"{name}: {own}" if len(runs) > 1 else own] if own else []
@@ -93,6 +103,17 @@ def cell(verdict: Verdict) -> Text:
         text.append(f"\n{verdict.why}", style="dim")
     for line in further(verdict):
         text.append(f"\n{line}", style="dim")
+    return text
+
+
+def _mark_and_value(verdict: Verdict) -> Text:
+    mark, colour = MARKS[verdict.status]
+    value = verdict.value
+    text = Text(mark, style=colour)
+    if value is not None:
+        whole = isinstance(value, int) or abs(value) >= 100.0
+        small = abs(value) < 1e-3  # the mark tells on which side of the bound
+        text.append(" 0" if small else f" {value:.0f}" if whole else f" {value:.3g}", style="default")
     return text
 
 

@@ -54,12 +54,24 @@ def load_each(
     source: str | Path, overrides: Sequence[str] | None, plants: Iterable[str]
 ) -> dict[str, Scenario]:
     """Plant -> the scenario as that plant flies it; read as `load` does."""
+    return load_changed(source, overrides, {plant: {("plant",): plant} for plant in plants})
+
+
+def load_changed(
+    source: str | Path, overrides: Sequence[str] | None, changes: Mapping[str, Mapping[tuple[str, ...], Any]]
+) -> dict[str, Scenario]:
+    """Label -> the scenario with the fields set that stand under that label, by path; read as `load` does."""
     where, made = str(source), Variants()
     data = tables(read(where), where)
     asked = [override(data, item) for item in overrides or []]
     data = placed(data, *homes(where, asked))
     parse(without_foreign(data, asked)[0] | {"plant": "unicycle"}, where, keep_idle=True)
-    each = {plant: made.add(data | {"plant": plant}, where) for plant in plants}
+    each = {}
+    for label, fields in changes.items():
+        changed_data = copy.deepcopy(data)
+        for path, value in fields.items():
+            assign(changed_data, path, value)
+        each[label] = made.add(changed_data, where)
     made.refuse(where)
     return each
 
