@@ -67,7 +67,7 @@ MISTAKES = {
     ("run", "paper-2-turn", "--seed", "-1"): "seed: input should be greater than or equal to 0",
     ("run", "paper-2-straight", "--set", "course_offset_deg=0"): "--force",
     ("run", "paper-2-straight", "--set", "speed_step=0"): "equal straight speeds",
-    ("compare", "paper-2-turn", "--plants", "unicycle,glider"): "plant: input should be 'unicycle'",
+    ("compare", "paper-2-turn", "--plants", "unicycle,glider"): "there is no plant 'glider'",
     ("compare", "paper-2-turn", "--plants", ","): "name at least one plant",
     ("compare", "paper-2-turn", "--seeds", "3"): "only --ladder flies several",
     ("compare", "paper-2-turn", "--ladder", "--plants", "unicycle"): "the ladder's rungs have their own",

@@ -38,7 +38,8 @@ def compare(
     plants: Annotated[
         str | None,
         typer.Option(
-            "--plants", help="plants to compare; default unicycle,jsbsim, or the scenario's where filters vary"
+            "--plants",
+            help="plants to compare; default unicycle,jsbsim; with --filters the scenario's",
         ),
     ] = None,
     filters: Annotated[

@@ -1,4 +1,4 @@
-"""Tells what a name in a list of plants, filters or guidance means: a kind of the catalogue or a user's part."""
+"""Tells what a name in a list of plants, filters or guidance means: a built-in kind, or a user's part."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from testbed.components import named_parts
 from testbed.components.named_parts import NamedPart
-from testbed.components.own_code import installed
 from testbed.errors import UserError, short
+from testbed.scenario import installed
 from testbed.scenario.control import FILTERS
 from testbed.scenario.guidance import GUIDANCES
 from testbed.scenario.variants import EVERY_PLANT
@@ -88,7 +88,19 @@ def with_files(axis: Axis, text: str, named: Sequence[NamedPart]) -> tuple[list[
     items = named_parts.split(text)
     texts = [item for item in items if ".py:" in item]
     known = {(part.label, part.origin.sha256): part for part in named}
-    parts = named_parts.read(f"{axis.role}={item}" for item in texts)
+    parts = named_parts.read(_with_role(axis, item) for item in texts)
+    for item, part in zip(texts, parts, strict=True):
+        if part.role != axis.role:
+            raise UserError(f"--{axis.name} {item}: it is a {part.role}, not a {axis.role}")
     labels = dict(zip(texts, (part.label for part in parts), strict=True))
     new = [part for part in parts if (part.label, part.origin.sha256) not in known]
     return [labels.get(item, item) for item in items], new
+
+
+def _with_role(axis: Axis, text: str) -> str:
+    """The text of one part, with the axis's role before it where the code alone does not tell the role."""
+    try:
+        named_parts.read([text])
+    except UserError:
+        return text if text.startswith(f"{axis.role}=") else f"{axis.role}={text}"
+    return text

@@ -85,7 +85,7 @@ def panels(runs: Mapping[str, Run]) -> Figure:
 
 
 def legends(figure: Figure, axes: Sequence[Axes], telling: Axes) -> None:
-    """A legend in each of `axes`; of many runs one below all, with the labels of `telling`: none hides a line."""
+    """A legend in each of `axes`; of many runs one below all, with the labels of `telling`."""
     handles, labels = telling.get_legend_handles_labels()
     if not handles:
         handles, labels = axes[0].get_legend_handles_labels()

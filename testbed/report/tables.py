@@ -12,7 +12,7 @@ from rich.text import Text
 
 from testbed.records.run import Run
 from testbed.records.verdict import Kind, Status, Verdict
-from testbed.report.own_parts import sentence
+from testbed.report.own_parts import origins, sentence
 
 # Achieved channel -> unit shown, and its size in the unit recorded.
 CHANNELS = (("v_mps", "m/s", 1.0), ("omega_radps", "deg/s", degrees(1.0)), ("zeta_mps", "m/s", 1.0))
@@ -26,24 +26,19 @@ MARKS = {
 }
 
 
-# Of more runs a table shows marks and values alone: for the rest there is no room.
+# Of more runs a table shows marks and values alone, a row per run: for the rest there is no room.
 FULL = 3
+NOT_APPLICABLE = "~"
 
 
 def scorecard(runs: Mapping[str, Run], title: str) -> Table:
     """One row per claim, one column per run: value, status, worst instant and vehicles.
 
     Premises that every run met are named in the caption, and so are parts of the user's own; the other
-    premises have rows. Of more than three runs a cell has a mark and the value; their labels stand below.
+    premises have rows. Of more than three runs: one row per run, one column per claim, each cell a mark and
+    the value.
     """
-    many = len(runs) > FULL
-    narrow: dict[str, Any] = {"box": None, "collapse_padding": True} if many else {}
-    table = Table(title=title, title_justify="left", caption_justify="left", pad_edge=False, **narrow)
-    table.add_column("guarantee", no_wrap=True)
-    for k, name in enumerate(runs, 1):
-        table.add_column(Text(str(k) if many else name), overflow="fold")
-    shown = _mark_and_value if many else cell
-    met = []
+    told, met = [], []
     claims = {v.id: v for run in runs.values() for v in run.guarantees}
     for first in claims.values():
         verdicts = [next((v for v in run.guarantees if v.id == first.id), None) for run in runs.values()]
@@ -51,16 +46,48 @@ def scorecard(runs: Mapping[str, Run], title: str) -> Table:
         if first.kind is Kind.PREMISE and Status.PREMISE_NOT_MET not in statuses:
             met += [first.id] if statuses == {Status.HOLDS} else []
             continue
-        table.add_row(f"{first.number} {first.id}", *("" if v is None else shown(v) for v in verdicts))
-    lines = ["premises met: " + ", ".join(met)] if met else []
-    if many:
-        lines += [f"{k}: {name}" for k, name in enumerate(runs, 1)]
-        lines.append("+ holds, x violated, ? premise not met or open, - not applicable")
+        told.append((first, verdicts))
+    premises = ["premises met: " + ", ".join(met)] if met else []
+    if len(runs) > FULL:
+        return _of_many(list(runs), [run.manifest for run in runs.values()], told, title, premises)
+    table = Table(title=title, title_justify="left", caption_justify="left", pad_edge=False)
+    table.add_column("guarantee", no_wrap=True)
+    for name in runs:
+        table.add_column(Text(name))
+    for first, verdicts in told:
+        table.add_row(f"{first.number} {first.id}", *("" if v is None else cell(v) for v in verdicts))
     for name, run in runs.items():
         own = sentence(run.manifest)
-        lines += [f"{name}: {own}" if len(runs) > 1 else own] if own else []
-    if lines:
-        table.caption = Text("\n".join(lines))
+        premises += [f"{name}: {own}" if len(runs) > 1 else own] if own else []
+    if premises:
+        table.caption = Text("\n".join(premises))
+    return table
+
+
+def _of_many(
+    names: Sequence[str],
+    manifests: Sequence[Mapping[str, Any]],
+    told: Sequence[tuple[Verdict, Sequence[Verdict | None]]],
+    title: str,
+    lines: Sequence[str],
+) -> Table:
+    """A row per run, numbered, its label below; `told` has the claims, each with the verdict of every run."""
+    table = Table(title=title, title_justify="left", caption_justify="left", padding=(0, 1, 0, 0), box=None)
+    table.add_column("", no_wrap=True)
+    for first, _ in told:
+        table.add_column(first.number, overflow="fold")
+    for k in range(len(names)):
+        cells = (verdicts[k] for _, verdicts in told)
+        table.add_row(str(k + 1), *(Text() if v is None else _mark_and_value(v) for v in cells))
+    own = dict.fromkeys(said for manifest in manifests for said in origins(manifest).values())
+    below = [
+        *(f"{k}: {name}" for k, name in enumerate(names, 1)),
+        f"+ holds, x violated, ? premise not met or open, {NOT_APPLICABLE} not applicable",
+        ", ".join(f"{first.number} {first.id}" for first, _ in told),
+        *lines,
+        *([f"Parts of the user's own: {'; '.join(own)}"] if own else []),
+    ]
+    table.caption = Text("\n".join(below))
     return table
 
 
@@ -109,11 +136,13 @@ def cell(verdict: Verdict) -> Text:
 def _mark_and_value(verdict: Verdict) -> Text:
     mark, colour = MARKS[verdict.status]
     value = verdict.value
-    text = Text(mark, style=colour)
+    # A dash would be read as the value's sign.
+    text = Text(NOT_APPLICABLE if verdict.status is Status.NOT_APPLICABLE else mark, style=colour)
     if value is not None:
-        whole = isinstance(value, int) or abs(value) >= 100.0
-        small = abs(value) < 1e-3  # the mark tells on which side of the bound
-        text.append(" 0" if small else f" {value:.0f}" if whole else f" {value:.3g}", style="default")
+        digits = 0 if isinstance(value, int) or abs(value) >= 10.0 else 1 if abs(value) >= 1.0 else 2
+        said = f"{round(value, digits) + 0.0:.{digits}f}"
+        said = f"{value:.0e}".replace("e+0", "e") if abs(value) >= 1e4 else said
+        text.append(said.replace("0.", ".") if digits == 2 and float(said) else said, style="default")
     return text
 
 
