@@ -20,7 +20,7 @@ PACKAGES = {"filters": filters, "aircraft": aircraft, "testbed": testbed}
 # From the ground up: a folder (or module beside the folders) imports only what stands before it, and a
 # package only what its predecessors and itself hold.
 ORDER = {
-    "filters": ["model", "constraints", "barriers", "filter", "qp", "cbf", "wrappers", "rivals"],
+    "filters": ["model", "constraints", "barriers", "filter", "qp", "cbf", "flow", "wrappers", "rivals"],
     "aircraft": [
         "textfile",
         "plant",

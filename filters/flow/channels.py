@@ -1,0 +1,109 @@
+"""Integrates command channels in closed form: first order after a pure delay, the rate of change bounded.
+
+A channel of time constant T that is told a constant g moves at its largest rate until it is within T times
+that rate of g, then decays towards g.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from filters.model import Array
+
+# No aircraft's channel changes faster: stands in for an unlimited rate, and for no lag at all.
+_FASTEST, _QUICKEST_S = 1e9, 1e-9
+
+
+class Lag(Protocol):
+    """How one channel follows its command (see `aircraft.kinematic.Lag`)."""
+
+    @property
+    def time_constant_s(self) -> float: ...
+    @property
+    def delay_s(self) -> float: ...
+    @property
+    def rate_min(self) -> float: ...
+    @property
+    def rate_max(self) -> float: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """The channels of N vehicles, arrays (N, 3) over (v, omega, zeta).
+
+    constant    s, time constants
+    delay       s
+    fall, rise  largest rates of change downwards and upwards, both positive, unit per second
+    """
+
+    constant: Array
+    delay: Array
+    fall: Array
+    rise: Array
+
+    @classmethod
+    def of(cls, lags: Sequence[Sequence[Lag]], vehicles: int) -> Channels:
+        """From one triple of lags for all vehicles, or one for each.
+
+        Raises  ValueError for another number of lags, or a number that is no time or rate
+        """
+        if len(lags) not in (1, vehicles) or any(len(triple) != 3 for triple in lags):
+            raise ValueError(f"{vehicles} vehicles need one or {vehicles} triples of lags, got {len(lags)}")
+
+        def each(name: str) -> Array:
+            found = np.array([[float(getattr(lag, name)) for lag in triple] for triple in lags])
+            return np.broadcast_to(found, (vehicles, 3)).copy()
+
+        constant, delay, falls, rises = (
+            each(name) for name in ("time_constant_s", "delay_s", "rate_min", "rate_max")
+        )
+        for name, values in (("time constant", constant), ("delay", delay)):
+            if not np.all(np.isfinite(values) & (values >= 0)):
+                raise ValueError(f"a {name} must be finite and not negative, got {values.tolist()} s")
+        if not (np.all(falls < 0) and np.all(rises > 0)):
+            raise ValueError("a channel needs rate_min < 0 < rate_max")
+        return cls(
+            np.maximum(constant, _QUICKEST_S),
+            delay,
+            np.minimum(-falls, _FASTEST),
+            np.minimum(rises, _FASTEST),
+        )
+
+    def towards(self, y: Array, goal: Array) -> Motion:
+        """The motion (..., N, 3) of channels at y that are told `goal` from now on."""
+        return Motion(y, goal, self.constant, np.where(goal > y, self.rise, -self.fall))
+
+
+class Motion:
+    """Channels (...,) that move from `y` towards constant goals; `rate` is signed, the largest on the way."""
+
+    def __init__(self, y: Array, goal: Array, constant: Array, rate: Array) -> None:
+        self._y, self._goal, self._constant, self._rate = y, goal, constant, rate
+        gap = goal - y
+        # How long the rate is at its bound, and what is left of the gap then.
+        self.bounded = np.maximum(gap / rate - constant, 0.0)
+        self._left = gap - rate * self.bounded
+
+    def value(self, t: Array | float) -> Array:
+        """The channels' values after t [s]."""
+        early = np.minimum(t, self.bounded)
+        decay = -np.expm1((early - t) / self._constant)
+        return np.asarray(self._y + self._rate * early + self._left * decay)
+
+    def integral(self, t: Array) -> Array:
+        """Their integrals over t [s]; t (..., M) against channels (...,)."""
+        y, goal, rate = self._y[..., None], self._goal[..., None], self._rate[..., None]
+        constant, left = self._constant[..., None], self._left[..., None]
+        early = np.minimum(t, self.bounded[..., None])
+        late = t - early
+        gone = np.expm1(-late / constant)
+        return np.asarray((y + 0.5 * rate * early) * early + goal * late + left * constant * gone)
+
+    def settled(self, tolerance: float) -> Array:
+        """After how long [s] each channel stays within `tolerance` of its goal."""
+        over = np.abs(self._left) / tolerance
+        return np.asarray(self.bounded + self._constant * np.log(np.maximum(over, 1.0)))

@@ -1,0 +1,122 @@
+"""Chooses each vehicle's input: the nearest to its target whose exact flow keeps every row.
+
+Displacements are nearly linear in the input. So a QP with their slopes is solved, its rows corrected by the
+exact displacements at its solution, and solved again. What is left is drawn towards gamma until it holds.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from filters.flow.separation import Rows
+from filters.model import Array
+from filters.qp.batch import solve_each
+
+# Shares of the way from gamma to the QP's solution, tried in turn; the last always keeps every row.
+DRAWN = np.array([0.9, 0.75, 0.5, 0.25, 0.1, 0.0])
+TOLERANCE_M = 1e-4
+_ADDED, _ROUNDS, _CORRECTIONS = 12, 8, 2
+_CHANGED = 1e-6
+
+
+class Ending(enum.IntEnum):
+    """How a vehicle's input was found.
+
+    NOMINAL  its target, inside the limits, keeps every row
+    SOLVED   the QP's solution does
+    DRAWN    an input between that and gamma does
+    EVADING  of those tried only gamma does
+    """
+
+    NOMINAL = 0
+    SOLVED = 1
+    DRAWN = 2
+    EVADING = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """Targets and box of all vehicles, arrays (N, 3).
+
+    gamma  the evading manoeuvre inside the box
+    scale  what each channel's cost is divided by
+    """
+
+    target: Array
+    lower: Array
+    upper: Array
+    gamma: Array
+    scale: Array
+
+    @property
+    def clipped(self) -> Array:
+        return np.minimum(np.maximum(self.target, self.lower), self.upper)
+
+
+def choose(
+    wanted: Wanted, rows: Rows, slope: Array, exact: Callable[[Array], Array]
+) -> tuple[Array, NDArray[np.int_]]:
+    """Inputs (N, 3) and their `Ending` (N,).
+
+    slope  (R, 3) m per unit of input, of each row's displacement
+    exact  inputs (..., N, 3) -> displacements (..., R) m of their flow
+    """
+    u = wanted.clipped
+    ending = np.full(len(u), int(Ending.NOMINAL))
+    if not rows.vehicle.size:
+        return u, ending
+    least = rows.least - TOLERANCE_M
+    moved = exact(u)
+    at, need = wanted.gamma, rows.least
+    for _ in range(_CORRECTIONS):
+        if (moved >= least).all():
+            break
+        u = _solve(wanted, rows, slope, need + _dot(slope, at[rows.vehicle]))
+        moved = exact(u)
+        at, need = u, rows.least - moved
+    ending[np.abs(u - wanted.clipped).max(axis=1) > _CHANGED] = Ending.SOLVED
+    broken = np.unique(rows.vehicle[~(moved >= least)])
+    if broken.size:
+        tried = wanted.gamma + DRAWN[:, None, None] * (u - wanted.gamma)
+        fails = ~(exact(tried) >= least)
+        for v in broken:
+            kept = ~fails[:, rows.vehicle == v].any(axis=1)
+            k = int(np.argmax(kept)) if kept.any() else len(DRAWN) - 1
+            u[v] = tried[k, v]
+            ending[v] = Ending.DRAWN if DRAWN[k] else Ending.EVADING
+    return u, ending
+
+
+def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array) -> Array:
+    """The inputs nearest to the targets with slope u >= level, rows added as they are found broken."""
+    vehicle, scale = rows.vehicle, wanted.scale
+    kept = np.zeros(vehicle.size, dtype=bool)
+    u = wanted.clipped
+    scaled = slope * scale[vehicle]
+    box = wanted.target / scale, wanted.lower / scale, wanted.upper / scale
+    for _ in range(_ROUNDS):
+        short = level - _dot(slope, u[vehicle])
+        broken = np.flatnonzero((short > _CHANGED) & ~kept)
+        if not broken.size:
+            break
+        worst = broken[np.argsort(-short[broken], kind="stable")]
+        # Of each vehicle the row that is broken most, and some of the worst of all.
+        _, first = np.unique(vehicle[worst], return_index=True)
+        kept[worst[first]] = True
+        kept[worst[:_ADDED]] = True
+        use = np.flatnonzero(kept)
+        found, _ = solve_each(
+            box[0], vehicle[use], scaled[use], level[use], box[1], box[2], fallback=wanted.gamma / scale
+        )
+        u = np.minimum(np.maximum(found * scale, wanted.lower), wanted.upper)
+    return u
+
+
+def _dot(a: Array, b: Array) -> Array:
+    x, y, z = (a * b).T
+    return np.asarray(x + y + z)

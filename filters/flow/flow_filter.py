@@ -1,0 +1,152 @@
+"""Filters commands along the flow of a model with delays, lags and rate limits.
+
+The barrier is the least clearance of a pair on the flow of gamma through the vehicles' channels, and the
+condition is posed for the sampled system: one filter period uses up at most a share kappa of it. Flown from
+a state with clearance >= 0, the model's clearance stays >= 0; see docs/guide/flow.md.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from filters.cbf.problem import Problem, input_set
+from filters.constraints import Indices
+from filters.filter import Check, Decision, Declaration, MonitorRecord
+from filters.flow.channels import Channels, Lag
+from filters.flow.choice import TOLERANCE_M, Ending, Wanted, choose
+from filters.flow.rollout import Flow
+from filters.flow.separation import reach, rows, samples
+from filters.model import Array, Command, Limits, View
+from filters.qp.single import Status
+
+STEP_TOLERANCE_M = 20 * TOLERANCE_M
+
+
+def flow_checks() -> dict[str, Check]:
+    """What the filter watches at every step."""
+    return {
+        "flow_clear": Check("on the model's flow under gamma pairs stay Ds + m apart [m]", 0.0),
+        "flow_step": Check(
+            "a period uses up at most kappa of a pair's clearance on the flow [m]", -STEP_TOLERANCE_M
+        ),
+    }
+
+
+class FlowFilter:
+    """Keeps every pair at least d_safe + margin apart on the flow of the evading manoeuvre.
+
+    lags     (v, omega, zeta) of every vehicle: one triple for all, or N
+    gamma    (N,) the evading manoeuvre; one turn rate for all, not zero
+    d_safe   m, Ds
+    dt       s, the filter's period, for which a command is held
+    margin   m, m
+    kappa    share of the clearance that one period may use up, in (0, 1]
+    cost     "range" divides each channel by its range, "raw" leaves them as they stand
+    Raises   ValueError for numbers out of these ranges
+
+    Every vehicle solves a QP of its own; of the others it needs pose, rates and the commands on their way,
+    which they broadcast. It must be called once every period, and what it returns be flown: it remembers the
+    commands that are on their way.
+    """
+
+    def __init__(
+        self,
+        lags: Sequence[Sequence[Lag]],
+        gamma: Command,
+        d_safe: float,
+        dt: float,
+        margin: float = 0.0,
+        kappa: float = 0.1,
+        cost: Literal["range", "raw"] = "range",
+    ) -> None:
+        if not 0 < kappa <= 1:
+            raise ValueError(f"kappa is a share in (0, 1], got {kappa}")
+        if not (np.isfinite(margin) and margin >= 0):
+            raise ValueError(f"the margin must be finite and not negative, got {margin} m")
+        if cost not in ("range", "raw"):
+            raise ValueError(f"cost is 'range' or 'raw', not {cost!r}")
+        self.flow = Flow(Channels.of(lags, len(gamma)), gamma.array(), dt)
+        self.level, self.kappa, self.cost = d_safe + margin, kappa, cost
+        self.record = MonitorRecord(checks=flow_checks())
+        self.endings = np.zeros(len(Ending), dtype=int)
+        self._pairs = np.triu_indices(len(gamma), 1)
+        self._queued: deque[Array] = deque(maxlen=max(self.flow.depth, 1))
+        self._before: Array | None = None
+
+    @property
+    def declaration(self) -> Declaration:
+        """It solves quadratic programs. No barrier of poses is its own: its h is of the flow."""
+        return Declaration(solves_qp=True, record=self.record)
+
+    def __call__(self, view: View, nominal: Command, limits: Limits) -> Decision:
+        """The nearest commands to `nominal` (N,) inside `limits` whose flow keeps every row.
+
+        Raises  ValueError if a nominal command or what is seen is not finite
+        """
+        target, lower, upper = input_set(view, nominal, limits)
+        own, flow, n = view.own(), self.flow, len(target)
+        state, rates = own.state, own.rates.array()
+        if not (state.isfinite().all() and np.isfinite(rates).all()):
+            raise ValueError("the flow needs finite poses and rates")
+        while len(self._queued) < max(flow.depth, 1):
+            self._queued.append(rates)  # before the start all flew as they fly now
+        begun = flow.begin(state, rates, np.stack(self._queued), flow.times(rates))
+        gamma = np.minimum(np.maximum(flow.gamma, lower), upper)
+        wanted = Wanted(target, lower, upper, gamma, self._scale(lower, upper))
+        # One channel at a time to the end of its range on the target's side, or else the other.
+        end = np.where(wanted.clipped >= gamma, upper, lower)
+        end = np.where(np.abs(end - gamma) < 1e-9, lower + upper - end, end)
+        step = end - gamma
+        tried = np.repeat(gamma[None], 4, axis=0)
+        for c in range(3):
+            tried[c + 1, :, c] = end[:, c]
+        paths = flow.roll(begun, tried)
+        base, ends = paths[0], paths[1:]
+        found = samples(base, *self._seen(view))
+        free = np.abs(step) > 1e-9
+        step = np.where(free, step, np.inf)
+        share = np.maximum(upper - gamma, gamma - lower) / np.abs(step)
+        made = rows(found, self.level, self.kappa, reach(ends, base, share))
+        slope = made.displacement(ends, base).T / step[made.vehicle]
+        u, ending = choose(wanted, made, slope, lambda v: made.displacement(flow.roll(begun, v), base))
+        clear = np.full((n, n), np.nan)
+        clear[found.i, found.j] = found.least - self.level
+        self._note(clear, ending)
+        self._queued.appendleft(u.copy())
+        short = np.fmax(-np.fmin(np.fmin.reduce(clear, axis=0), np.fmin.reduce(clear, axis=1)), 0.0)
+        outside = np.nan_to_num(short) > 0
+        status = np.where(outside & (ending == Ending.EVADING), int(Status.INFEASIBLE), int(Status.SOLVED))
+        return Problem(target, lower, upper).decision(u, status, np.nan_to_num(short), None, np.zeros(0))
+
+    def _scale(self, lower: Array, upper: Array) -> Array:
+        ranges = upper - lower
+        return np.where((ranges > 0) & (self.cost == "range"), ranges, 1.0)
+
+    def _seen(self, view: View) -> tuple[Indices, Indices]:
+        """The pairs that know of each other."""
+        i, j = self._pairs
+        known = view.known
+        if known is None:
+            return i, j
+        both = known[i] & known[j] if known.ndim == 1 else known[i, j] & known[j, i]
+        return i[both], j[both]
+
+    def _note(self, clear: Array, ending: NDArray[np.int_]) -> None:
+        """Watch the clearances (N, N) m of this step, and what became of the last one's."""
+        step, see = self.record.steps, self.record.checks
+        i, j = self._pairs
+        now = clear[i, j]
+        there = np.isfinite(now)
+        see["flow_clear"].see(step, now[there], i[there], j[there])
+        if self._before is not None:
+            both = there & (self._before >= 0)
+            left = now - (1 - self.kappa) * self._before
+            see["flow_step"].see(step, left[both], i[both], j[both])
+        self._before = now
+        self.endings += np.bincount(ending, minlength=len(Ending))
+        self.record.steps += 1
