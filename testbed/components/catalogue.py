@@ -28,7 +28,7 @@ from testbed.components.guidance import Constant, Guidance, NearIdentity
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario import barrier as scenario_barrier
-from testbed.scenario import fleet
+from testbed.scenario import control, fleet
 from testbed.scenario import guidance as scenario_guidance
 from testbed.scenario.location import path_of, relative
 from testbed.scenario.scenario import Scenario
@@ -120,7 +120,7 @@ def alpha(s: Scenario) -> OddPolynomial:
 
 def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
     said = s.filter
-    if said.kind not in ("centralised", "limited"):
+    if not isinstance(said, control.Centralised | control.Limited):
         raise ValueError(f"filter {said.kind!r} solves no QP")
     own = ForwardDifference(b, s.barrier.gradient_step) if s.barrier.gradient == "forward" else b
     fenced = fences(s, b, s.remedy.ds_buffer_m)

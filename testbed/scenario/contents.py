@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from testbed.scenario.barrier import BARRIERS, Barrier, Turn
 from testbed.scenario.control import (
@@ -18,6 +18,8 @@ from testbed.scenario.control import (
 from testbed.scenario.fence import FENCES, Fence
 from testbed.scenario.fields import Name, Positive, Section
 from testbed.scenario.guidance import GUIDANCES, Guidance, NearIdentity
+from testbed.scenario.installed import PLANTS
+from testbed.scenario.installed import plant as installed_plant
 from testbed.scenario.kinds import Kinds
 from testbed.scenario.nonideal import LAGS, AirframeLags, Gusts, Lags, Network, Sensing, Wind
 from testbed.scenario.remedy import Remedy
@@ -61,9 +63,10 @@ class Contents(Section):
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
         default=1, description="of everything random in the run"
     )
-    plant: Literal["unicycle", "lagged", "jsbsim"] = Field(
+    plant: Annotated[str, AfterValidator(installed_plant)] = Field(
         default="unicycle",
         description="unicycle: the paper's; lagged: with identified lags and limits; jsbsim: 6-DOF aircraft",
+        json_schema_extra={"examples": list(PLANTS)},
     )
     airframes: list[Annotated[str, Field(min_length=1, max_length=1000)]] = Field(
         default=["x8"], min_length=1, max_length=1000, description="names or folders, repeated in turn"

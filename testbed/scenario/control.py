@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from testbed.scenario.fields import NonNegative, Positive, Section
-from testbed.scenario.kinds import Kinds
+from testbed.scenario.installed import installed
+from testbed.scenario.kinds import INSTALLED, Kinds
 
 
 class _QP(Section):
@@ -41,6 +42,12 @@ class NoFilter(Section):
     kind: Literal["none"]
 
 
+class InstalledFilter(Section):
+    """A filter that an installed package offers by name."""
+
+    kind: Annotated[str, AfterValidator(installed("filter"))]
+
+
 FILTERS = Kinds(
     "kind",
     "centralised",
@@ -51,12 +58,15 @@ FILTERS = Kinds(
         "navigation": "the navigation function, which solves no QP",
         "none": "filter 'none', which solves no QP",
     },
+    role="filter",
+    other=InstalledFilter,
 )
 Filter = Annotated[
     Annotated[Centralised, Tag("centralised")]
     | Annotated[Limited, Tag("limited")]
     | Annotated[NavigationFunction, Tag("navigation")]
-    | Annotated[NoFilter, Tag("none")],
+    | Annotated[NoFilter, Tag("none")]
+    | Annotated[InstalledFilter, Tag(INSTALLED)],
     Discriminator(FILTERS.tag),
     BeforeValidator(FILTERS.settled),
 ]

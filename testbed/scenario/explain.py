@@ -9,7 +9,8 @@ from pydantic import ValidationError
 
 from testbed.errors import Mistake, nearest, short
 from testbed.scenario.fields import Section
-from testbed.scenario.kinds import Kinds
+from testbed.scenario.installed import names
+from testbed.scenario.kinds import INSTALLED, Kinds
 from testbed.scenario.overrides import NUMBERED
 
 # What pydantic adds to a path where a field may be of two types.
@@ -35,7 +36,7 @@ def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> Mi
     inside = 2 if listed else 1  # where the path inside the table begins
     if kinds is None and listed and len(where) > 2:  # a table in an entry of a list of tables
         kinds, inside = known.get(str(where[2])), 3
-    if kinds is not None and len(where) > inside and where[inside] in kinds.models:
+    if kinds is not None and len(where) > inside and where[inside] in (*kinds.models, INSTALLED):
         tag = str(where.pop(inside))
     *parents, last = where or [""]
     path = short(".".join(map(str, [*parents, last])))
@@ -43,7 +44,9 @@ def _explain(error: Any, model: type[Section], known: Mapping[str, Kinds]) -> Mi
         if kinds is not None and len(parents) == inside and kinds.takers(str(last)):
             return Mistake(kinds.refusal(str(last), tag), path)
         fields = (
-            _fields_at(parents[inside:], kinds.models[tag]) if kinds and tag else _fields_at(parents, model)
+            _fields_at(parents[inside:], kinds.models[tag])
+            if kinds and tag in kinds.models
+            else _fields_at(parents, model)
         )
         return Mistake("unknown field", path, remedy=nearest(str(last), fields))
     if kinds is not None and error["type"].startswith("union_tag"):
@@ -69,6 +72,7 @@ def _unknown_kind(path: str, kinds: Kinds, data: Any) -> Mistake:
     if not isinstance(data, dict):
         return Mistake(f"must be a table, got {short(repr(data))}", path)
     known = list(dict.fromkeys(tag.partition(", ")[0] for tag in kinds.models))
+    known += names(kinds.role) if kinds.role else []
     words = ", ".join(map(repr, known[:-1])) + f" or {known[-1]!r}"
     return Mistake(f"input should be {words}, got {short(repr(data.get(kinds.key)))}", f"{path}.{kinds.key}")
 

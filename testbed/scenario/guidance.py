@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
 from testbed.scenario.fields import Divisor, Positive, Section
-from testbed.scenario.kinds import Kinds
+from testbed.scenario.installed import installed
+from testbed.scenario.kinds import INSTALLED, Kinds
 
 
 class _Guidance(Section):
@@ -32,14 +33,24 @@ class EvadingManoeuvre(_Guidance):
     kind: Literal["manoeuvre"]
 
 
+class InstalledGuidance(_Guidance):
+    """Guidance that an installed package offers by name."""
+
+    kind: Annotated[str, AfterValidator(installed("guidance"))]
+
+
 GUIDANCES = Kinds(
     "kind",
     "near-identity",
     {"near-identity": NearIdentity, "manoeuvre": EvadingManoeuvre},
     {"near-identity": "guidance towards the goal", "manoeuvre": "guidance that flies the manoeuvre"},
+    role="guidance",
+    other=InstalledGuidance,
 )
 Guidance = Annotated[
-    Annotated[NearIdentity, Tag("near-identity")] | Annotated[EvadingManoeuvre, Tag("manoeuvre")],
+    Annotated[NearIdentity, Tag("near-identity")]
+    | Annotated[EvadingManoeuvre, Tag("manoeuvre")]
+    | Annotated[InstalledGuidance, Tag(INSTALLED)],
     Discriminator(GUIDANCES.tag),
     BeforeValidator(GUIDANCES.settled),
 ]

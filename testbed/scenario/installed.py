@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from functools import lru_cache
 from importlib.metadata import entry_points
-from typing import Any
 
 # Role -> group of entry points.
 GROUPS = {
@@ -14,11 +14,7 @@ GROUPS = {
     "guidance": "cbf_jsbsim_testbed.guidance",
     "environment": "cbf_jsbsim_testbed.environments",
 }
-# Role -> the testbed's own kinds.
-BUILT_IN = {
-    "plant": ("unicycle", "lagged", "jsbsim"),
-    "filter": ("centralised", "limited", "navigation", "none"),
-}
+PLANTS = ("unicycle", "lagged", "jsbsim")
 
 
 def names(role: str) -> list[str]:
@@ -31,15 +27,21 @@ def _names(group: str, path: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(sorted({point.name for point in entry_points(group=group)}))
 
 
-def named(s: Any) -> dict[str, str]:
-    """Role -> the kind that a scenario names."""
-    return {"plant": s.plant, "filter": s.filter.kind}
+def installed(role: str) -> Callable[[str], str]:
+    """A check that an installed package offers a name for `role`; it raises ValueError, listing them."""
+
+    def check(name: str) -> str:
+        if name not in names(role):
+            offered = ", ".join(map(repr, names(role))) or "none"
+            raise ValueError(f"no installed package offers this {role}; installed: {offered}")
+        return name
+
+    return check
 
 
-def refusal(role: str, name: str) -> str | None:
-    """Why a scenario cannot name this kind: neither the testbed's nor installed; None if it can."""
-    known = [*BUILT_IN[role], *names(role)]
-    if name in known:
-        return None
-    listed = ", ".join(map(repr, known[:-1])) + f" or {known[-1]!r}"
-    return f"input should be {listed}"
+def plant(name: str) -> str:
+    """A plant of the testbed's or an installed one; ValueError, listing both, for any other name."""
+    known = [*PLANTS, *names("plant")]
+    if name not in known:
+        raise ValueError(f"input should be {', '.join(map(repr, known[:-1]))} or {known[-1]!r}")
+    return name

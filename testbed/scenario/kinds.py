@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from testbed.scenario.fields import Section
+from testbed.scenario.installed import names
+
+# The tag of a kind that an installed package offers.
+INSTALLED = "installed"
 
 
 @dataclass(frozen=True)
@@ -17,17 +21,22 @@ class Kinds:
     default   the kind where that field is absent
     models    tag -> the kind's fields; kinds that differ in a second field say it in their tags
     titles    tag -> the kind in a message, such as "a straight barrier"
+    role      "filter" or "guidance" where installed packages offer more kinds, as `other`; else ""
     """
 
     key: str
     default: str
     models: Mapping[str, type[Section]]
     titles: Mapping[str, str]
+    role: str = ""
+    other: type[Section] | None = None
 
     def tag(self, data: Any) -> str | None:
         """The tag of a table, plain or validated; what is no known kind is named as it stands."""
         if not isinstance(data, dict):
-            return next((tag for tag, model in self.models.items() if isinstance(data, model)), None)
+            found = next((tag for tag, model in self.models.items() if isinstance(data, model)), None)
+            installed = self.other is not None and isinstance(data, self.other)
+            return INSTALLED if installed else found
         said = data.get(self.key, self.default)
         if not isinstance(said, str):
             return None
@@ -37,7 +46,7 @@ class Kinds:
             field, _, value = second.partition(" = ")
             if second and name == said and str(data.get(field)).lower() == value:
                 return tag
-        return said
+        return INSTALLED if self.role and said not in self.models and said in names(self.role) else said
 
     def fields(self) -> list[str]:
         """The fields of all kinds."""

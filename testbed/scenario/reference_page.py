@@ -55,6 +55,9 @@ refused. Where `--set` or `--plant` changes a kind, what the file said for the o
 note. Where the program makes the change (`compare`, the ladder, the cells of a campaign), a field is left out
 of the runs in which it has no effect, and refused if it has none in any of them.
 
+`plant`, `filter.kind` and `guidance.kind` may also be the name of a part that an installed package offers by
+an entry point ([extend.md](extend.md#an-installed-package)).
+
 This is schema version 2. A file that says `schema_version = 1` is read as it was meant: what had no effect in
 it is left out.
 
@@ -179,6 +182,8 @@ def _kind(field: dict[str, Any]) -> str:
         return _value(field["const"])
     if "enum" in field:
         return ", ".join(_value(v) for v in field["enum"])
+    if "examples" in field:
+        return ", ".join(_value(v) for v in field["examples"]) + ", or installed"
     if field.get("type") == "array":
         inner = _reference(field["items"])
         return f"list of {inner.lower()}" if inner else f"list: {_kind(field['items'])}"

@@ -13,6 +13,7 @@ from typing import Any
 from testbed.scenario import fleet
 from testbed.scenario.contents import Contents
 from testbed.scenario.fields import Section
+from testbed.scenario.installed import PLANTS
 
 Test = Callable[[Contents], bool]
 
@@ -28,6 +29,10 @@ class Rule:
     fields: tuple[str, ...]
     heard: Test
     said: str
+
+
+def _own_plant(s: Contents) -> bool:
+    return s.plant not in PLANTS  # an installed one: what it reads of the scenario is its own affair
 
 
 def _solves(s: Contents) -> bool:
@@ -49,11 +54,11 @@ def _errs(s: Contents, *kinds: str) -> bool:
 
 def _knows_airframes(s: Contents) -> bool:
     lags = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
-    return s.plant == "jsbsim" or lags
+    return s.plant == "jsbsim" or lags or _own_plant(s)
 
 
 def _knows_lags(s: Contents) -> bool:
-    return s.plant == "lagged" or (s.remedy.predict_lags and s.plant != "jsbsim")
+    return s.plant == "lagged" or _own_plant(s) or (s.remedy.predict_lags and s.plant != "jsbsim")
 
 
 def _late(s: Contents) -> bool:

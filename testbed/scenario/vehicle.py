@@ -8,7 +8,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from testbed.scenario.barrier import Manoeuvre
 from testbed.scenario.fields import Coordinate, Section, Speed, TurnLimit
-from testbed.scenario.guidance import GUIDANCES, Guidance
+from testbed.scenario.guidance import GUIDANCES, Guidance, InstalledGuidance
 
 COURSE = Annotated[float, Field(ge=-720, le=720)]
 
@@ -78,6 +78,8 @@ class Vehicle(_Said):
             if 0 < len(missing) < len(names):
                 said = ", ".join(name for name in names if name not in missing)
                 raise ValueError(f"{said} without {' and '.join(missing)}; give {', '.join(names)} together")
+        if isinstance(self.guidance, InstalledGuidance):
+            raise ValueError("guidance.kind: installed guidance flies all vehicles; name it in [guidance]")
         return self
 
     @property
