@@ -24,10 +24,9 @@ def effective(s: Scenario, parts: Parts | None = None) -> Parts:
         said["filter"] = s.filter.kind
     if isinstance(s.guidance, InstalledGuidance):
         said["guidance"] = s.guidance.kind
-        if several := [str(k) for k, v in enumerate(s.vehicle, 1) if v.guidance is not None]:
-            raise UserError(
-                f"guidance.kind {s.guidance.kind!r} flies all vehicles; vehicle {", ".join(several)} has its own"
-            )
+        if several := ", ".join(str(k) for k, v in enumerate(s.vehicle, 1) if v.guidance is not None):
+            said_kind = f"guidance.kind {s.guidance.kind!r}"
+            raise UserError(f"{said_kind} flies all vehicles; vehicle {several} has guidance of its own")
     own = given.own() if said else {}
     found = {
         FIELDS[role]: named_parts.read([f"{role}={name}"])[0]
