@@ -23,7 +23,7 @@ def test_every_lower_bound_is_pinned_for_the_tests_of_the_lowest() -> None:
     # pytest and hypothesis decide what is tested; ruff, mypy and the like do not run in those tests
     tools = [d for d in optional["dev"] if d.split(">")[0] in ("pytest", "pytest-xdist", "hypothesis")]
     bounds = {}
-    for requirement in [*project["dependencies"], *optional["cluster"], *tools]:
+    for requirement in [*project["dependencies"], *optional["cluster"], *optional["gym"], *tools]:
         found = re.fullmatch(r"([\w-]+)>=([\d.]+)(?:,<[\d.]+)?", requirement)
         assert found, f"{requirement}: give a lower bound first"
         bounds[found[1]] = version(found[2])

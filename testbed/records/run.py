@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from testbed.records import shown
 from testbed.records.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -157,9 +158,9 @@ def option(origin: Mapping[str, Any]) -> str:
     return f"give --parts '{origin['file']}:{called(origin).removeprefix(stem + '.')}'"
 
 
-@dataclass
+@dataclass(repr=False)
 class Run:
-    """One finished run: settings, verdicts, tables.
+    """One finished run: settings, verdicts, tables. Printed it takes ten lines; a notebook shows it.
 
     manifest    schema version, resolved scenario, seeds, package versions, airframe hashes
     guarantees  one verdict per claim, in the order of `testbed.claims.registry`
@@ -215,6 +216,14 @@ class Run:
         """Name of the user's own part flown as `what` (plant, filter, nominal, disturbance); None if none."""
         origin = self.manifest.get("parts", {}).get(what)
         return None if origin is None else called(origin)
+
+    def __repr__(self) -> str:
+        own = {what: called(origin) for what, origin in self.manifest.get("parts", {}).items()}
+        return shown.text(self.manifest, self.guarantees, own)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a row per claim, the least distance over time, paths from above."""
+        return shown.html(self.manifest, self.guarantees, self.vehicles, self.pairs)
 
     def guarantee(self, name: str) -> Verdict:
         """The verdict on the claim with that id; KeyError if there is none."""
