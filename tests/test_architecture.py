@@ -34,6 +34,7 @@ ORDER = {
         "logs",
         "datasheets",
         "check",
+        "adopt",
     ],
     "testbed": [
         "errors",

@@ -36,7 +36,7 @@ def identified_fingerprint(airframe: Airframe) -> str:
     """Fingerprint of what lags are identified with: gains, step speeds and autopilot, "-", the model."""
     files = _files(airframe)
     autopilot, model = ([f for f in files if (f[0] == _AUTOPILOT) == wanted] for wanted in (True, False))
-    gains: list[Any] = [autopilot, airframe.gains, airframe.speeds.model_dump()]
+    gains: list[Any] = [autopilot, airframe.gains, airframe.speeds.model_dump(exclude_none=True)]
     if airframe.autopilot != INVERTING or airframe.variant:
         what = [airframe.autopilot, airframe.equations_sha256, _own_equations(airframe), airframe.parameters]
         gains = [*what, *gains[1:]]

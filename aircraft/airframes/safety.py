@@ -85,11 +85,12 @@ def _rules(files: Files) -> Iterator[Finding]:
     """What the elements of all files may not say."""
     for file, tree in files.trees.items():
         for e in tree.walk():
-            for message, remedy in _says(e):
+            for message, remedy in says(e):
                 yield Finding("refused", "error", file, e.line, message, remedy)
 
 
-def _says(e: Element) -> Iterator[tuple[str, str]]:
+def says(e: Element) -> Iterator[tuple[str, str]]:
+    """What an element may not say, and the remedy."""
     named = e.attributes.get("file")
     if named is not None and e.name not in PLACES:
         yield f'<{e.name} file="{named}">: only systems, engines and thrusters have files', "put it inline"

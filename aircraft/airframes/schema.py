@@ -23,6 +23,7 @@ INVERTING = "inverting"  # the autopilot that airframes fly unless they name ano
 
 Positive = Annotated[float, Field(gt=0, le=1e6)]
 Finite = Annotated[float, Field(ge=-1e9, le=1e9)]
+Share = Annotated[float, Field(ge=0, le=1)]
 # Angles that are recorded of every airframe: no surface may take their names.
 RECORDED_ANGLES = frozenset({"roll_rad", "pitch_rad", "heading_rad", "alpha_rad", "beta_rad", "theta_rad"})
 NAME = r"[A-Za-z0-9][\w.+-]*"
@@ -50,6 +51,13 @@ class Speeds(_Strict):
     start_mps: Positive
     trim_mps: list[Positive] = Field(
         min_length=1, description="where margins, steps and datasheet are evaluated"
+    )
+
+    turn_radps: Positive | None = Field(
+        default=None, description="turn rate of the steps that score an autopilot; absent: 11.7 deg/s"
+    )
+    climb_mps: Positive | None = Field(
+        default=None, description="climb rate of those steps, which must be sustainable; absent: 3.9 m/s"
     )
 
     @model_validator(mode="after")
@@ -102,6 +110,47 @@ class Identified(_Strict):
         return self
 
 
+class Setup(_Strict):
+    """How the model is set up before a flight; what is absent stays as the model has it."""
+
+    gear: Share | None = Field(default=None, description="0 up, 1 down")
+    flaps: Share | None = Field(default=None, description="share of their travel")
+    fuel_freeze: bool = Field(default=False, description="tanks keep their contents in flight")
+    captive: bool = Field(
+        default=False,
+        description="the model's own flight control has filters: trims wait for them, as for engines",
+    )
+    properties: dict[str, Finite] = Field(default={}, description="JSBSim property -> value")
+
+    @model_validator(mode="after")
+    def named(self) -> Setup:
+        for path in self.properties:
+            if not is_property(path):
+                raise ValueError(f"setup.properties.{path}: cannot name a property of JSBSim")
+        return self
+
+
+class Engines(_Strict):
+    """How the engines are run: all get the same throttle, between `idle` and `full`."""
+
+    count: Annotated[int, Field(ge=1, le=16)] = 1
+    mixture: Share = 1.0
+    propeller: Share = Field(default=1.0, description="lever of a constant-speed propeller; 1 is full speed")
+    idle: Share = Field(default=0.0, description="least throttle: below, an engine may stop")
+    full: Share = Field(default=1.0, description="largest throttle: above, an afterburner may light")
+
+    @model_validator(mode="after")
+    def ordered(self) -> Engines:
+        if not self.idle < self.full:
+            raise ValueError("idle must be below full")
+        return self
+
+
+def is_property(path: str) -> bool:
+    """Whether JSBSim can parse a property's name: it aborts the process where it cannot."""
+    return bool(re.fullmatch(r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*", path, re.ASCII))
+
+
 def property_name(name: str) -> str:
     """The JSBSim property of a gain or of an autopilot's equation: `turn_damping` is ap/turn-damping."""
     return "ap/" + name.replace("_", "-")
@@ -137,6 +186,8 @@ class Airframe(_Strict):
     parameters: dict[Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")], Finite] = Field(
         {}, description="the autopilot's parameters, by the names and in the units of its equations"
     )
+    setup: Setup = Setup()
+    engines: Engines = Engines()
     fitted: Fitted | None = None
     identified: Identified | None = None
     step_factor: Positive = Field(1.0, description="of the step specification's bounds, for this airframe")
@@ -153,10 +204,7 @@ class Airframe(_Strict):
         """Angles and their rates in the range of radians; telemetry under names of its own."""
         check_gains(self.gains)
         for name, path in self.surfaces.items():
-            # JSBSim aborts the process where it is asked for a name that it cannot parse.
-            if not re.fullmatch(
-                r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*", path, re.ASCII
-            ):
+            if not is_property(path):
                 raise ValueError(f"surfaces.{name}: {path!r} cannot name a property of JSBSim")
             if name in RECORDED_ANGLES or not re.fullmatch(r"[a-z][a-z0-9_]*_rad", name):
                 raise ValueError(

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
+from xml.sax.saxutils import escape, quoteattr
 
 LARGEST_BYTES = 5_000_000
 DEEPEST = 200
+_DOCUMENT_TYPE = re.compile(rb"<!DOCTYPE[^\[>]*(\[.*?\]\s*)?>", re.DOTALL)
 
 
 class RefusedError(ValueError):
@@ -55,9 +58,10 @@ class Element:
             return None
 
 
-def read(path: Path) -> Element:
+def read(path: Path, skip_document_type: bool = False) -> Element:
     """The root element of a file.
 
+    skip_document_type  leave a document type out instead of refusing the file; entities stay undefined
     Raises  RefusedError: not readable, too large, too deep, not well-formed, or with a document type, which
             is what entity bombs and references to other files need.
     """
@@ -67,6 +71,8 @@ def read(path: Path) -> Element:
         text = path.read_bytes()
     except OSError as error:
         raise RefusedError(f"cannot be read: {error.strerror}") from None
+    if skip_document_type:
+        text = _DOCUMENT_TYPE.sub(b"", text, count=1)
     parser = expat.ParserCreate()
     top = Element("", {}, 0)
     open_ = [top]
@@ -96,3 +102,23 @@ def read(path: Path) -> Element:
     except expat.ExpatError as error:
         raise RefusedError(f"not well-formed: {expat.errors.messages[error.code]}", error.lineno) from None
     return top.children[0]
+
+
+def write(root: Element) -> str:
+    """The file of a root element: each element's own text comes before its children."""
+    lines = ['<?xml version="1.0"?>']
+
+    def add(e: Element, depth: int) -> None:
+        pad = "  " * depth
+        head = f"{pad}<{e.name}" + "".join(f" {k}={quoteattr(v)}" for k, v in e.attributes.items())
+        text = escape(e.text)
+        if not e.children:
+            lines.append(f"{head}>{text}</{e.name}>" if text else f"{head}/>")
+            return
+        lines.append(f"{head}>{text}")
+        for child in e.children:
+            add(child, depth + 1)
+        lines.append(f"{pad}</{e.name}>")
+
+    add(root, 0)
+    return "\n".join([*lines, ""])

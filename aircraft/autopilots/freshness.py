@@ -15,6 +15,7 @@ import numpy as np
 from aircraft.airframes.provenance import FITTED, differs, fitted_fingerprint, identified_fingerprint
 from aircraft.airframes.schema import Airframe
 from aircraft.autopilots.feedforward import feedforward
+from aircraft.autopilots.specification import CLIMB, climb_rate, turn_rate
 from aircraft.autopilots.tuning import fly
 from aircraft.jsbsim.errors import FdmError
 
@@ -27,7 +28,8 @@ _FIT_SAME = 2e-5  # relative: the file has six digits
 def flown(airframe: Airframe) -> list[float]:
     """Ground speed, course rate and climb rate [m/s, rad/s, m/s] at five instants of a step in all three."""
     v, to = airframe.speeds.within(0.5), airframe.speeds.within(0.9)
-    f = fly(airframe, v, (to, _TURN_RADPS, _CLIMB_MPS), _FLOWN_S)
+    turn = min(_TURN_RADPS, turn_rate(airframe.speeds, to))
+    f = fly(airframe, v, (to, turn, _CLIMB_MPS * (climb_rate(airframe.speeds) / CLIMB)), _FLOWN_S)
     rows = np.stack([f.v, f.omega_measured, f.zeta], axis=1)[np.array(_INSTANTS) - 1]
     return [round(x, _DECIMALS) for x in rows.ravel().tolist()]
 

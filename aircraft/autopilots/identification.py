@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe, Speeds
+from aircraft.autopilots.specification import CLIMB, climb_rate, duration, turn_rate
 from aircraft.autopilots.tuning import fly
 
 Array = NDArray[np.floating[Any]]
@@ -32,34 +33,46 @@ def steps(speeds: Speeds) -> dict[str, list[Step]]:
             (v, v, (to, 0, 0)) for v, to in ((slow, middle), (middle, brisk), (middle, slow), (brisk, middle))
         ],
         "omega": [
-            (v, 0, (v, sign * size, 0))
+            (v, 0, (v, sign * share * min(_TURN, turn_rate(speeds, v)), 0))
             for v in (slow, middle, fast)
             for sign in (1, -1)
-            for size in (_TURN, 0.1)
+            for share in (1.0, 0.5)
         ],
-        "zeta": [(v, 0, (v, 0, zeta)) for v in (slow, middle, fast) for zeta in (2.0, 3.9, -1.5)],
+        "zeta": [
+            (v, 0, (v, 0, zeta * (climb_rate(speeds) / CLIMB)))
+            for v in (slow, middle, fast)
+            for zeta in (2.0, CLIMB, -1.5)
+        ],
     }
 
 
 def model(
-    before: Array, after: Array, time_constant: float, delay: float, falls: float, rises: float, n: int
+    before: Array,
+    after: Array,
+    time_constant: float,
+    delay: float,
+    falls: float,
+    rises: float,
+    n: int,
+    dt: float = DT_S,
 ) -> Array:
     """n periods of a step (S,) through `aircraft.kinematic`'s channel, with a delay of any length: (S, n)."""
     y = before.astype(float).copy()
-    share = 1.0 - np.exp(-DT_S / time_constant)
+    share = 1.0 - np.exp(-dt / time_constant)
     out = np.empty((len(y), n))
     for k in range(n):
         # the period in which the delay ends obeys for the rest of it
-        heard = np.clip((k + 1) * DT_S - delay, 0.0, DT_S) / DT_S
-        y += heard * np.clip(share * (after - y), -falls * DT_S, rises * DT_S)
+        heard = np.clip((k + 1) * dt - delay, 0.0, dt) / dt
+        y += heard * np.clip(share * (after - y), -falls * dt, rises * dt)
         out[:, k] = y
     return out
 
 
-def identify(airframe: Airframe, channel: str) -> tuple[float, float, float, float]:
+def identify(airframe: Airframe, channel: str, every: int = 1) -> tuple[float, float, float, float]:
     """Time constant, delay [s], largest fall and rise [unit / s] that fit `steps` best in least squares.
 
     channel  one of CHANNELS
+    every    periods from one instant that is compared to the next; more for flights that last longer
     Raises   FdmError if the airframe cannot fly level at the speeds of the steps
     """
     from scipy.optimize import minimize
@@ -69,16 +82,19 @@ def identify(airframe: Airframe, channel: str) -> tuple[float, float, float, flo
     after = np.array([c[index] for _, _, c in flights], dtype=float)
     # Predictions begin from the rates that `Plant.achieved` gives: the lags are those of the same signal.
     signal = {"omega": "omega_measured"}.get(channel, channel)
-    flown = np.array([getattr(fly(airframe, v, c, _DURATION_S, DT_S), signal) for v, _, c in flights])
+    lasts = duration(airframe.speeds, _DURATION_S)
+    flown = np.array([getattr(fly(airframe, v, c, lasts, DT_S), signal) for v, _, c in flights])
+    fastest = float(np.abs(np.diff(flown, axis=1)).max()) / DT_S
+    every *= max(1, round(lasts / _DURATION_S))
+    flown, dt = flown[:, every - 1 :: every], every * DT_S
     size = np.abs(after - before)[:, None]
 
     def misfit(logs: Array) -> float:
         t, delay, falls, rises = np.exp(logs).tolist()
         return float(
-            np.mean(((model(before, after, t, delay, falls, rises, flown.shape[1]) - flown) / size) ** 2)
+            np.mean(((model(before, after, t, delay, falls, rises, flown.shape[1], dt) - flown) / size) ** 2)
         )
 
-    fastest = float(np.abs(np.diff(flown, axis=1)).max()) / DT_S
     guess = np.log([0.3, 0.1, fastest, fastest])
     fitted = minimize(misfit, guess, method="Nelder-Mead", options={"maxfev": 400})
     time_constant, delay, falls, rises = np.exp(fitted.x).tolist()

@@ -37,11 +37,21 @@ class LinearAutopilot:
     d: Array
 
 
+def _interp(x: Any, *knots: Any) -> Any:
+    """Straight lines between the knots x0, y0, x1, y1, ... and the end values beyond."""
+    xs, ys = knots[::2], knots[1::2]
+    y = ys[0]
+    for x0, y0, x1, y1 in zip(xs, ys, xs[1:], ys[1:], strict=False):
+        y = y + (y1 - y0) * np.clip((x - x0) / (x1 - x0), 0.0, 1.0)
+    return y
+
+
 _CALLS: dict[str, Any] = {
     "min": lambda *a: np.minimum.reduce(np.broadcast_arrays(*a)),
     "max": lambda *a: np.maximum.reduce(np.broadcast_arrays(*a)),
     "clip": lambda x, low, high: np.maximum(low, np.minimum(x, high)),
     "where": np.where,
+    "interp": _interp,
     "abs": np.abs,
     "sqrt": np.sqrt,
     "sin": np.sin,

@@ -20,6 +20,7 @@ from aircraft.autopilots.linear_model import Model
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
 from aircraft.jsbsim.rest import Start, rotation
+from aircraft.jsbsim.steady import Trim
 
 Array = NDArray[np.float64]
 
@@ -45,12 +46,21 @@ class Margins:
     crossover: float
 
 
-def response(airframe: Airframe, v: float, loop: str, dt: float = 0.005, duration: float = 30.0) -> Response:
+def response(
+    airframe: Airframe,
+    v: float,
+    loop: str,
+    dt: float = 0.005,
+    duration: float = 30.0,
+    near: Trim | None = None,
+) -> Response:
     """The loop broken at `loop`, one of LOOPS, around level trim at ground speed v [m/s] in still air.
+
+    near  a trim of a flight like this one, which makes starting quicker
 
     The difference of an impulse up and one down cancels what the trim leaves and the even nonlinearities.
     """
-    up, down = (_impulse(airframe, v, loop, dt, duration, sign * _IMPULSE) for sign in (1.0, -1.0))
+    up, down = (_impulse(airframe, v, loop, dt, duration, sign * _IMPULSE, near) for sign in (1.0, -1.0))
     impulse = (up - down) / (2 * _IMPULSE)
     sensitivity = np.fft.rfft(impulse, 4 * len(impulse))
     frequency = 2 * np.pi * np.fft.rfftfreq(4 * len(impulse), dt)
@@ -59,10 +69,12 @@ def response(airframe: Airframe, v: float, loop: str, dt: float = 0.005, duratio
     return Response(frequency[keep], 1.0 / sensitivity[keep] - 1.0)
 
 
-def _impulse(airframe: Airframe, v: float, loop: str, dt: float, duration: float, size: float) -> Array:
+def _impulse(
+    airframe: Airframe, v: float, loop: str, dt: float, duration: float, size: float, near: Trim | None
+) -> Array:
     """The plant input (T,) when `size` is added to it in the first period."""
     fdm = Fdm(airframe, dt, Origin())
-    fdm.start(Start(0.0, 0.0, 0.0, 0.0, v))
+    fdm.start(Start(0.0, 0.0, 0.0, 0.0, v), near)
     probe, total = fdm.node(f"ap/{loop}-probe"), fdm.node(f"ap/{loop}-norm")
     probe.set_double_value(size)
     out = np.empty(round(duration / dt))

@@ -15,10 +15,13 @@ from aircraft.autopilots.margins import Margins, margins, model_response, respon
 from aircraft.autopilots.stability import unstable_modes
 from aircraft.autopilots.tuning import Flight, Score, course_rate, fly, score
 from aircraft.jsbsim.fdm import Fdm
-from aircraft.jsbsim.geodesy import Origin, motions
+from aircraft.jsbsim.geodesy import G_MPS2, Origin, motions
 from aircraft.jsbsim.rest import Start
 
 TURN = math.radians(11.7)  # rad/s, the paper's evading turn
+CLIMB = 3.9  # m/s, the paper's largest climb rate
+# Bank of the steepest turn that is asked for: at 25 m/s the paper's turn takes 27.5 deg.
+BANK_TAN = math.tan(math.radians(28.0))
 MARGINS = {"gain_db": 6.0, "phase_deg": 45.0, "disk": 0.5}
 _NO_MARGINS = Margins(math.nan, math.nan, math.nan, math.nan)
 _FREQUENCY = np.geomspace(0.05, 600.0, 400)  # rad/s, where margins are looked for
@@ -70,14 +73,29 @@ class Row:
         return max(miss / abs(self.target), 0.0)
 
 
-def _turn(v: float, t63: float) -> Step:
+def turn_rate(speeds: Speeds, v: float) -> float:
+    """The turn rate [rad/s] asked for at v [m/s]: the airframe's or the paper's, at most 28 deg of bank."""
+    return min(speeds.turn_radps or TURN, BANK_TAN * G_MPS2 / v)
+
+
+def climb_rate(speeds: Speeds) -> float:
+    """The climb rate [m/s] that is asked for: the airframe's, or the paper's."""
+    return speeds.climb_mps or CLIMB
+
+
+def duration(speeds: Speeds, seconds: float) -> float:
+    """How long a step is flown [s] that takes `seconds` at 20 m/s: larger aircraft take longer."""
+    return seconds * max(1.0, speeds.start_mps / 20.0)
+
+
+def _turn(speeds: Speeds, v: float, t63: float) -> Step:
     bounds = {"t63_s": t63, "overshoot": 0.02, "altitude_change_m": 0.25, "final_error": 0.005}
-    return Step("turn", v, (v, TURN, 0.0), bounds)
+    return Step("turn", v, (v, turn_rate(speeds, v), 0.0), bounds, duration(speeds, 10.0))
 
 
-def _climb(v: float, zeta: float, t63: float, speed_change: float) -> Step:
+def _climb(speeds: Speeds, v: float, share: float, t63: float, speed_change: float) -> Step:
     bounds = {"t63_s": t63, "overshoot": 0.03, "speed_change_mps": speed_change}
-    return Step("climb", v, (v, 0.0, zeta), bounds)
+    return Step("climb", v, (v, 0.0, share * (climb_rate(speeds) / CLIMB)), bounds, duration(speeds, 10.0))
 
 
 def steps(speeds: Speeds) -> tuple[Step, ...]:
@@ -87,23 +105,29 @@ def steps(speeds: Speeds) -> tuple[Step, ...]:
     for the X8: times in s, overshoot and errors as fractions of the step.
     """
     slow, low, middle, fast = (speeds.within(share) for share in (0.1, 0.3, 0.5, 1.0))
-    to_fast = speeds.within(0.9)
+    to_fast, climb, lasts = speeds.within(0.9), climb_rate(speeds), duration(speeds, 10.0)
     dive = {"v_above": speeds.v_max_mps, "v_below": speeds.v_min_mps, "limited_zeta": 1.0}
     return (
-        _turn(slow, 0.34),
-        _turn(middle, 0.36),
-        _turn(fast, 0.38),
-        Step("speed", slow, (middle, 0.0, 0.0), {"settling_s": 1.6, "overshoot": 0.01}),
-        Step("speed", middle, (to_fast, 0.0, 0.0), {"settling_s": 2.2, "overshoot": 0.01}),
-        _climb(slow, 2.0, 0.33, 0.4),
-        _climb(slow, 3.9, 0.48, 0.8),
-        _climb(fast, 2.0, 0.33, 0.4),
-        _climb(fast, 3.9, 0.48, 0.8),
+        _turn(speeds, slow, 0.34),
+        _turn(speeds, middle, 0.36),
+        _turn(speeds, fast, 0.38),
+        Step("speed", slow, (middle, 0.0, 0.0), {"settling_s": 1.6, "overshoot": 0.01}, lasts),
+        Step("speed", middle, (to_fast, 0.0, 0.0), {"settling_s": 2.2, "overshoot": 0.01}, lasts),
+        _climb(speeds, slow, 2.0, 0.33, 0.4),
+        _climb(speeds, slow, CLIMB, 0.48, 0.8),
+        _climb(speeds, fast, 2.0, 0.33, 0.4),
+        _climb(speeds, fast, CLIMB, 0.48, 0.8),
         *(
-            Step("all", v, (to, TURN, 3.9), {"omega_overshoot": 0.04, "crossings": 1.0})
+            Step(
+                "all",
+                v,
+                (to, turn_rate(speeds, to), climb),
+                {"omega_overshoot": 0.04, "crossings": 1.0},
+                lasts,
+            )
             for v, to in ((slow, middle), (low, speeds.within(0.7)), (middle, to_fast))
         ),
-        Step("dive", slow, (slow, 0.0, -3.9), dive, 20.0),
+        Step("dive", slow, (slow, 0.0, -climb), dive, 2 * lasts),
     )
 
 

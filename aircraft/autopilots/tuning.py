@@ -12,6 +12,7 @@ from aircraft.airframes.schema import Airframe
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin, motions, positions
 from aircraft.jsbsim.rest import Start
+from aircraft.jsbsim.steady import Trim
 
 Array = NDArray[np.float64]
 
@@ -49,14 +50,16 @@ def fly(
     dt: float = 0.005,
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0),
     telemetry: Sequence[str] = (),
+    near: Trim | None = None,
 ) -> Flight:
     """Fly (v [m/s], omega [rad/s], zeta [m/s]) for `duration` s from level trim at `start_speed`, eastwards.
 
     wind       m/s, east, north, up; steady, and trimmed for
     telemetry  channels of `aircraft.jsbsim.fdm` to keep
+    near       a trim of a flight like this one, which makes starting quicker
     """
     fdm = Fdm(airframe, dt, Origin())
-    fdm.start(Start(0.0, 0.0, 0.0, 0.0, start_speed, wind=wind))
+    fdm.start(Start(0.0, 0.0, 0.0, 0.0, start_speed, wind=wind), near)
     fdm.command(*command)
     track, moves, channels = [], [fdm.motion()], []
     for _ in range(round(duration / dt)):

@@ -86,15 +86,20 @@ def compiled(airframe: Airframe, dt: float = DESIGN_DT_S) -> str | None:
     if flies_its_files(airframe):
         return None
     return _compiled(str(file_of(airframe)), text_of(airframe), tuple(values_of(airframe).items()),
-                     tuple(airframe.gain_values()), dt)  # fmt: skip
+                     tuple(airframe.gain_values()), dt, airframe.engines.count)  # fmt: skip
 
 
 @cache
 def _compiled(
-    path: str, text: str, values: tuple[tuple[str, float], ...], gains: tuple[str, ...], dt: float
+    path: str,
+    text: str,
+    values: tuple[tuple[str, float], ...],
+    gains: tuple[str, ...],
+    dt: float,
+    engines: int,
 ) -> str:
     try:
-        return system_xml(parse(text).of(gains), dict(values), dt)
+        return system_xml(parse(text).of(gains), dict(values), dt, engines)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -102,7 +107,9 @@ def _compiled(
 def xml_of(airframe: Airframe, dt: float = DESIGN_DT_S) -> str:
     """The system of an airframe's autopilot, as a folder holds it; raises ValueError as `compiled` does."""
     made = compiled(airframe, dt)
-    return system_xml(equations_of(airframe), values_of(airframe), dt) if made is None else made
+    if made is not None:
+        return made
+    return system_xml(equations_of(airframe), values_of(airframe), dt, airframe.engines.count)
 
 
 def unused(airframe: Airframe, given: Mapping[str, float]) -> list[str]:

@@ -14,6 +14,7 @@ from aircraft.equations.language import DESIGN_DT_S, PERIOD, Channel, Equations,
 
 MADE_BY = "Made by `testbed aircraft autopilot`"  # marks a compiled autopilot
 
+_THROTTLE = "fcs/throttle-cmd-norm"
 _BINARY: dict[type[ast.AST], str] = {
     ast.Add: "sum",
     ast.Sub: "difference",
@@ -62,14 +63,19 @@ def _xml(node: ast.AST, properties: Mapping[str, str], period: str) -> str:
             return element(_BINARY[type(op)], left, right)
         case ast.Call(func=ast.Name(id="clip"), args=[x, low, high]):
             return f"<max>{within(low)}{element('min', x, high)}</max>"
+        case ast.Call(func=ast.Name(id="interp"), args=args):
+            return element("interpolate1d", *args)
         case ast.Call(func=ast.Name(id=name), args=args):
             return element("ifthen" if name == "where" else name, *args)
     raise ValueError(f"cannot express {ast.unparse(node)} in JSBSim")
 
 
-def system_xml(equations: Equations, gains: Mapping[str, float], dt: float = DESIGN_DT_S) -> str:
+def system_xml(
+    equations: Equations, gains: Mapping[str, float], dt: float = DESIGN_DT_S, engines: int = 1
+) -> str:
     """The `<system>` of these equations with `gains` (name -> value, SI) as the properties' defaults.
 
+    engines how many get the throttle that the equations drive
     dt      s, the period of JSBSim: channels with a rate in Hz are evaluated every so many of these
     Raises  ValueError naming what has no value
     """
@@ -87,6 +93,8 @@ def system_xml(equations: Equations, gains: Mapping[str, float], dt: float = DES
     lines += [f'  <property value="{v!r}"> {property_name(n)} </property>' for n, v in defaults.items()]
     for channel in equations.channels:
         lines += _channel(channel, properties, dt)
+    if engines > 1:
+        lines += _all_engines(engines)
     return "\n".join([*lines, "</system>", ""])
 
 
@@ -106,5 +114,15 @@ def _channel(channel: Channel, properties: Mapping[str, str], dt: float) -> Iter
         yield f"    <!-- {e.name} = {e.formula.replace('--', '- -')} -->"
         yield f'    <fcs_function name="{property_name(e.name)}">'
         yield f"      <function>{formula}</function>{output}"
+        yield "    </fcs_function>"
+    yield "  </channel>"
+
+
+def _all_engines(count: int) -> Iterator[str]:
+    """A channel that gives every engine the first one's throttle, whoever commands it."""
+    yield '  <channel name="engines">'
+    for k in range(1, count):
+        yield f'    <fcs_function name="{property_name(f"throttle_{k}_norm")}">'
+        yield f"      <function><p>{_THROTTLE}</p></function><output>{_THROTTLE}[{k}]</output>"
         yield "    </fcs_function>"
     yield "  </channel>"

@@ -12,10 +12,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 
-FUNCTIONS = {"min", "max", "abs", "sqrt", "sin", "cos", "atan", "where", "clip"}
+FUNCTIONS = {"min", "max", "abs", "sqrt", "sin", "cos", "atan", "where", "clip", "interp"}
 PERIOD = "period"  # in an equation: the time from one evaluation of its channel to the next [s]
 DESIGN_DT_S = 0.005  # period of the autopilot for which XML is written to a folder
-_ARGUMENTS = {"where": (3, 3), "clip": (3, 3), "min": (2, 99), "max": (2, 99)}
+_ARGUMENTS = {"where": (3, 3), "clip": (3, 3), "min": (2, 99), "max": (2, 99), "interp": (5, 99)}
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 _COMPARISONS = (ast.Gt, ast.Lt, ast.Eq, ast.NotEq)
 _NUMBER = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
@@ -28,12 +28,17 @@ _CHANNEL = re.compile(r"== (\w+)(?: for (\w+))?(?: if (\w+))?(?: every (\d+)| at
 
 @dataclass(frozen=True)
 class Equation:
-    """`name = formula`, the property besides ap/NAME that it drives, if any, and the line it begins on."""
+    """`name = formula`, the property besides ap/NAME that it drives, if any, and the line it begins on.
+
+    section  only for airframes that have gains of this section;  but  only for those that lack these
+    """
 
     name: str
     formula: str
     output: str | None
     line: int = 0
+    section: str | None = None
+    but: str | None = None
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,13 @@ class Equations:
         """Without what is for airframes that have a section which these gains (section_name) lack."""
         sections = {None, *(g.partition("_")[0] for g in gains)}
         inputs = {name: (value, s) for name, (value, s) in self.inputs.items() if s in sections}
-        return replace(self, inputs=inputs, channels=[c for c in self.channels if c.section in sections])
+        channels = []
+        for c in self.channels:
+            if c.section in sections:
+                apart = {e.but for e in c.equations} & sections - {None}
+                mine = [e for e in c.equations if e.section in sections and e.but not in apart]
+                channels.append(replace(c, equations=mine))
+        return replace(self, inputs=inputs, channels=channels)
 
     def assigned(self) -> list[str]:
         """Names with an equation, in order, once each."""
@@ -188,12 +199,14 @@ def _take(parsed: Equations, line: str, number: int) -> None:
         if m[4] == "0" or rate == 0:
             raise ValueError("a channel is evaluated at least every period: a rate above zero")
         parsed.channels.append(Channel(m[1], m[2], m[3], int(m[4] or 1), rate))
-    elif m := re.fullmatch(rf"([A-Za-z]\w*) = (.+?)(?: -> ({_PATH}))?", line):
+    elif m := re.fullmatch(rf"(?:(for|without) (\w+): )?([A-Za-z]\w*) = (.+?)(?: -> ({_PATH}))?", line):
+        word, section, name, formula, output = m.groups()
         if not parsed.channels:
-            raise ValueError(f"{m[1]} is before the first channel; begin one: == NAME ==")
-        expression(m[2])
-        if m[3] and not m[3].startswith("fcs/"):
-            raise ValueError(f"{m[3]}: an equation drives properties below fcs/ and no others")
-        parsed.channels[-1].equations.append(Equation(m[1], m[2], m[3], number))
+            raise ValueError(f"{name} is before the first channel; begin one: == NAME ==")
+        expression(formula)
+        if output and not output.startswith("fcs/"):
+            raise ValueError(f"{output}: an equation drives properties below fcs/ and no others")
+        with_, but = (section if word == kind else None for kind in ("for", "without"))
+        parsed.channels[-1].equations.append(Equation(name, formula, output, number, with_, but))
     else:
         raise ValueError(f"not a use, input, parameter, channel or equation: {line}")

@@ -57,12 +57,13 @@ def climb_range(fdm: Instance, v: float, omega: float, level: Trim) -> tuple[flo
     unknowns = [level.roll, level.alpha, aside, level.elevator, level.aileron, 0.0, level.rudder]
     start = np.array(unknowns[: len(problem.lowest)])
     fdm.nodes["on"].set_double_value(0.0)
-    ends = [_climb_at(problem, place, start, np.array([v, full, omega])) for full in (0.0, 1.0)]
+    throttles = fdm.airframe.engines.idle, fdm.airframe.engines.full
+    ends = [_climb_at(problem, place, start, np.array([v, full, omega])) for full in throttles]
     rates = [math.nan if x is None else v * math.tan(x[_SLOPE]) for x in ends]
     for k, other in ((0, 1), (1, 0)):
         x = ends[other]
         if ends[k] is None and x is not None:
-            rates[k] = _furthest(fdm, v, omega, x, float(other), (-1.0, 1.0)[k])
+            rates[k] = _furthest(fdm, v, omega, x, throttles[other], (-1.0, 1.0)[k])
     return rates[0], rates[1]
 
 

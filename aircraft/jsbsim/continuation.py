@@ -16,9 +16,10 @@ Array = NDArray[np.float64]
 
 BALANCED = 1e-6  # largest residual of a steady flight, in the residuals' units
 _TOLERANCE = 1e-13  # tolerance of the direct solver; its result is judged by BALANCED
-_CONVERGED = 1e-10  # residual at which Newton's steps end
+_CONVERGED, _SLOWLY_CONVERGED = 1e-10, 1e-7  # residual at which Newton's steps end
+_FAST = 0.3  # of the residual before: what a step with corrected derivatives may leave
 _NEWTON_STEPS = 12
-_DIFFERENCE = 1e-7  # for derivatives by x: rad, or share of a command
+DIFFERENCE = 1e-7  # for derivatives by x: rad, or share of a command
 _LONGEST, _SHORTEST = 0.5, 1 / 128  # steps of a continuation, as shares of its way
 
 
@@ -29,6 +30,14 @@ class Problem:
     residuals: Callable[[Array, Array], Array]
     lowest: Array
     highest: Array
+    difference: float = DIFFERENCE  # of an unknown, for derivatives
+    longest: Array | None = None  # step of each unknown, (m,): what is far from linear is not jumped over
+    slow: bool = False  # evaluations wait for engines: derivatives are corrected where that is enough
+
+    @property
+    def converged(self) -> float:
+        """The residual at which Newton's steps end."""
+        return _SLOWLY_CONVERGED if self.slow else _CONVERGED
 
     def solved(self, p: Array, x: Array) -> bool:
         """Whether x is within its bounds and balances the residuals; the model is left evaluated at x."""
@@ -60,13 +69,18 @@ def correct(problem: Problem, p: Array, guess: Array) -> Array | None:
     """
     x = np.clip(guess, problem.lowest, problem.highest)
     left = problem.residuals(p, x)
+    slope: Array | None = None
     for _ in range(_NEWTON_STEPS):
-        if np.abs(left).max() < _CONVERGED:
+        if np.abs(left).max() < problem.converged:
             break
+        if slope is None:
+            slope = _jacobian(problem, p, x, left)
         try:
-            step = -np.linalg.solve(_jacobian(problem, p, x, left), left)
+            step = -np.linalg.solve(slope, left)
         except np.linalg.LinAlgError:
             return None
+        if problem.longest is not None:
+            step /= max(1.0, float(np.abs(step / problem.longest).max()))
         for share in (1.0, 0.5, 0.25, 0.1):
             ahead = np.clip(x + share * step, problem.lowest, problem.highest)
             then = problem.residuals(p, ahead)
@@ -74,15 +88,24 @@ def correct(problem: Problem, p: Array, guess: Array) -> Array | None:
                 break
         else:
             break
+        slope = _updated(slope, ahead - x, then - left) if problem.slow and share == 1.0 else None
+        if np.abs(then).max() > _FAST * np.abs(left).max():
+            slope = None
         x, left = ahead, then
     return x if problem.solved(p, x) else None
+
+
+def _updated(slope: Array, moved: Array, changed: Array) -> Array | None:
+    """Broyden's correction of the derivatives by the step just made; None if there was none."""
+    length = float(moved @ moved)
+    return None if length == 0.0 else slope + np.outer(changed - slope @ moved, moved) / length
 
 
 def _jacobian(problem: Problem, p: Array, x: Array, left: Array) -> Array:
     """d residuals / dx (m, m) by one-sided differences that stay within the bounds."""
     columns = []
     for k in range(len(x)):
-        step = -_DIFFERENCE if x[k] + _DIFFERENCE > problem.highest[k] else _DIFFERENCE
+        step = problem.difference if x[k] + problem.difference <= problem.highest[k] else -problem.difference
         moved = x.copy()
         moved[k] += step
         columns.append((problem.residuals(p, moved) - left) / step)

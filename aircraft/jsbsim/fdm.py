@@ -16,7 +16,7 @@ from aircraft.equations.catalogue import values_of
 from aircraft.jsbsim import initialisation, loading, steady
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin
-from aircraft.jsbsim.properties import ENGINE_STATES, INTEGRALS, NODES, TELEMETRY
+from aircraft.jsbsim.properties import ENGINE_STATES, INTEGRALS, NODES, TELEMETRY, setup_values
 from aircraft.jsbsim.rest import Start
 from aircraft.jsbsim.steady import Trim
 
@@ -58,8 +58,15 @@ class Fdm:
         self._command = tuple(n[k].set_double_value for k in ("v_command", "omega_command", "zeta_command"))
         self._upset = n["alpha"].get_double_value, n["roll"].get_double_value
         self._wind: tuple[float, float, float] | None = None  # as last blown
-        kept = (manager.get_node(f"propulsion/engine/{name}") for name in ENGINE_STATES)
+        manager = self.executive.get_property_manager()
+        for path, value in setup_values(airframe.setup).items():
+            self.node(path).set_double_value(value)
+        numbers = ["", *(f"[{k}]" for k in range(1, airframe.engines.count))]
+        engines = [f"propulsion/engine{number}" for number in numbers]
+        kept = (manager.get_node(f"{engine}/{name}") for engine in engines for name in ENGINE_STATES)
         self.engine_states = [node for node in kept if node is not None]
+        self.forgets: bool | None = None  # whether engines lose their state at dt = 0; unknown yet
+        self.spools: list[tuple[loading.Node, float]] = []  # states to write after the first period
 
     def node(self, path: str) -> loading.Node:
         """The property's node. Raises FdmError rather than create one that nothing reads."""
@@ -74,13 +81,13 @@ class Fdm:
 
     # -- before the flight
 
-    def trim(self, start: Start, omega: float = 0.0) -> Trim:
+    def trim(self, start: Start, omega: float = 0.0, near: Trim | None = None) -> Trim:
         """Steady flight as `steady.trim` finds it; raises FdmError if there is none."""
-        return steady.trim(self, start, omega)
+        return steady.trim(self, start, omega, near)
 
-    def start(self, start: Start) -> Trim:
+    def start(self, start: Start, near: Trim | None = None) -> Trim:
         """Begin the flight: trimmed, in the start's wind, the autopilot settled and on. Raises FdmError."""
-        return initialisation.start(self, start)
+        return initialisation.start(self, start, near)
 
     def run_ic(self) -> None:
         """Initialise, actuators taking their commands at once."""
@@ -160,6 +167,8 @@ class Fdm:
                 rows += x(), y(), z(), altitude()
                 self.nodes["velocity_integrator"].set_double_value(self._integrator)
                 self._integrator = 0.0
+                for node, value in self.spools:
+                    node.set_double_value(value)
                 n -= 1
             for _ in range(n):
                 step()

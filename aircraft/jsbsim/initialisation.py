@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from aircraft.jsbsim.engines import spools
 from aircraft.jsbsim.rest import Instance, Start, initialise, place
 from aircraft.jsbsim.steady import Trim, trim
 
@@ -14,10 +15,14 @@ _INTEGRALS = {
 }
 
 
-def start(fdm: Instance, at: Start) -> Trim:
-    """Trim, take the start's place, velocity and wind, settle the autopilot's states and switch it on."""
+def start(fdm: Instance, at: Start, near: Trim | None = None) -> Trim:
+    """Trim, take the start's place, velocity and wind, settle the autopilot's states and switch it on.
+
+    near  a trim of a flight like this one
+    """
     n = fdm.nodes
-    found = trim(fdm, at)
+    found = trim(fdm, at, near=near)
+    fdm.spools = spools(fdm)
     _, ground = place(fdm, at, correct=True)
     initialise(fdm, (found.roll, found.pitch, found.yaw), ground, 0.0)
     fdm.blow(at.wind)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from aircraft.airframes.schema import Setup
 from aircraft.jsbsim.geodesy import M_PER_FT
 
 # What the wrapper reads and writes in every airframe, by the name it has here.
@@ -78,5 +79,17 @@ TELEMETRY = {
     "limited_zeta": ("ap/limited-zeta", 1.0, 0.0),
 }
 
-# Properties of an engine whose thrust depends on a state of its own; the first engine's stand for all.
+# Properties of an engine whose thrust depends on a state of its own.
 ENGINE_STATES = ("propeller-rpm", "engine-rpm", "n1", "n2", "map-pa")
+
+
+def setup_values(setup: Setup) -> dict[str, float]:
+    """What [setup] of an airframe writes: property -> value."""
+    values = dict(setup.properties)
+    if setup.gear is not None:
+        values["gear/gear-cmd-norm"] = setup.gear
+    if setup.flaps is not None:
+        values["fcs/flap-cmd-norm"] = setup.flaps
+    if setup.fuel_freeze:
+        values["propulsion/fuel_freeze"] = 1.0
+    return values

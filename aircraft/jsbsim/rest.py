@@ -41,6 +41,8 @@ class Instance(Protocol):
 
     executive: Any  # JSBSim itself
     engine_states: list[Any]  # what an engine keeps from period to period; none for most electric ones
+    forgets: bool | None  # whether engines lose that at dt = 0
+    spools: list[tuple[Any, float]]  # states that are written after the first period flown
 
     def node(self, path: str) -> Any: ...
 
@@ -98,7 +100,7 @@ def initialise(fdm: Instance, attitude: tuple[float, float, float], velocity: Ar
     of a steady turn [rad/s, clockwise]."""
     turn = np.ascontiguousarray(rotation(*attitude).T)
     rates = turn @ np.array([0.0, 0.0, yaw_rate])
-    _write(fdm, attitude, turn @ velocity, rates)
+    write_ic(fdm, attitude, turn @ velocity, rates)
     fdm.run_ic()
 
 
@@ -118,16 +120,17 @@ def hold(
     fdm.nodes["on"].set_double_value(0.0)
     for path, value in commands.items():
         fdm.node(path).set_double_value(value)
-    _write(fdm, attitude, velocity, rates)
+    write_ic(fdm, attitude, velocity, rates)
     fdm.run_ic()
     settle(fdm)
-    for _ in range(3):  # forces that depend on accelerations come back one evaluation later
+    # Forces that depend on accelerations come back one evaluation later; a captive run has had its share.
+    for _ in range(0 if fdm.forgets else 3):
         fdm.evaluate()
     read = [fdm.nodes[k].get_double_value() for k in ACCELERATIONS]
     return np.array([*(M_PER_FT * x for x in read[:3]), *read[3:]])
 
 
-def _write(
+def write_ic(
     fdm: Instance,
     attitude: Sequence[float] | Array,
     velocity: Sequence[float] | Array,

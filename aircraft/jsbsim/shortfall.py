@@ -63,7 +63,7 @@ def throttle_limits(
     held = Problem(residuals, lowest, highest)
     start, unknown = np.array([*level, x[THROTTLE]]), np.delete(x, THROTTLE)
     found, left = [], []
-    for throttle in (0.0, 1.0):
+    for throttle in (problem.lowest[THROTTLE], problem.highest[THROTTLE]):
         reached = follow(held, start, unknown, np.array([*p, throttle]))
         if not reached.arrived:
             return None

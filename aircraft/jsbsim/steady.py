@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from aircraft.jsbsim import shortfall
 from aircraft.jsbsim.continuation import Problem, Reached, correct, follow, solve
-from aircraft.jsbsim.engines import settle
+from aircraft.jsbsim.engines import is_captive, settle
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.geodesy import G_MPS2
 from aircraft.jsbsim.rest import Instance, Start, initialise, place
@@ -24,6 +24,8 @@ from aircraft.jsbsim.shortfall import AILERON, ELEVATOR, RUDDER, THROTTLE, balan
 
 Array = NDArray[np.float64]
 
+_CAPTIVE_DIFFERENCE = 1e-5  # for derivatives by unknowns: larger than what engines settle to
+_LONGEST = (0.5, 0.15, 0.2, 0.5, 0.5, 0.2, 0.5)  # steps of the unknowns where engines have a state
 _LEVEL_THROTTLE, _LEVEL_ALPHA_RAD = 0.4, 0.05  # of the first guess
 
 
@@ -43,33 +45,70 @@ class Trim:
     rudder: float = 0.0
 
 
-def trim(fdm: Instance, start: Start, omega: float = 0.0) -> Trim:
+def trim(fdm: Instance, start: Start, omega: float = 0.0, near: Trim | None = None) -> Trim:
     """Steady flight at the start's place and air-relative velocity, turning at `omega` [rad/s].
+
+    near  a trim of a flight like this one, from which the search begins
 
     Leaves JSBSim initialised there without wind and the commands set.
     Raises  FdmError, which says which force or moment is missing, if there is no such flight
     """
-    n, airframe = fdm.nodes, fdm.airframe
-    air, _ = place(fdm, start)
-    speed = float(np.linalg.norm(air))
-    if not speed > 0:
-        raise FdmError(f"{airframe.name} cannot fly at airspeed {speed:g} m/s")
-    heading, climb = math.atan2(air[1], air[0]), math.asin(-air[2] / speed)
-    n["on"].set_double_value(0.0)
-    problem = trim_problem(fdm, heading, speed, climb, air)
+    airframe = fdm.airframe
+    speed, climb, heading, problem = _stated(fdm, start)
     p = np.array([speed, climb, omega])
     speeds = airframe.speeds
-    x, missing = find(fdm, problem, p, heading, (speeds.start_mps, speeds.v_min_mps, speeds.v_max_mps))
+    guess = None if near is None else _unknowns(near, len(problem.lowest))
+    x, missing = find(fdm, problem, p, heading, (speeds.start_mps, speeds.v_min_mps, speeds.v_max_mps), guess)
     if x is None:
         raise FdmError(
             f"{airframe.name} cannot fly steadily at ground speed {start.v:g} m/s, climb {start.zeta:g} m/s, "
             f"turn {omega:g} rad/s, wind {start.wind} m/s: {missing}"
         )
+    return _trim_at(fdm, x, speed, climb, heading)
+
+
+def attempt(fdm: Instance, start: Start, omega: float = 0.0, near: Trim | None = None) -> Trim | None:
+    """`trim` by Newton's method alone, from `near` and from usual angles of attack; None if it fails.
+
+    Quick where there is no such flight; it does not say why.
+    """
+    speed, climb, heading, problem = _stated(fdm, start)
+    p = np.array([speed, climb, omega])
+    guesses = [] if near is None else [_unknowns(near, len(problem.lowest))]
+    for alpha, throttle in ((_LEVEL_ALPHA_RAD, _LEVEL_THROTTLE), (0.15, 0.7)):
+        guess = first_guess(problem, p)
+        guess[1], guess[THROTTLE] = alpha, throttle
+        guesses.append(guess)
+    for guess in guesses[:2]:
+        x = correct(problem, p, guess)
+        if x is not None:
+            return _trim_at(fdm, x, speed, climb, heading)
+    return None
+
+
+def _stated(fdm: Instance, start: Start) -> tuple[float, float, float, Problem]:
+    """Airspeed, climb angle and heading of the start's velocity through the air, and the trims there."""
+    air, _ = place(fdm, start)
+    speed = float(np.linalg.norm(air))
+    if not speed > 0:
+        raise FdmError(f"{fdm.airframe.name} cannot fly at airspeed {speed:g} m/s")
+    heading, climb = math.atan2(air[1], air[0]), math.asin(-air[2] / speed)
+    fdm.nodes["on"].set_double_value(0.0)
+    return speed, climb, heading, trim_problem(fdm, heading, speed, climb, air)
+
+
+def _trim_at(fdm: Instance, x: Array, speed: float, climb: float, heading: float) -> Trim:
     roll, above, aside, elevator, aileron, throttle, *rudder = map(float, x)
-    alpha, beta = n["alpha"].get_double_value(), n["beta"].get_double_value()
+    alpha, beta = fdm.nodes["alpha"].get_double_value(), fdm.nodes["beta"].get_double_value()
     return Trim(
         roll, climb + above, heading + aside, alpha, beta, elevator, aileron, throttle, speed, *rudder
     )
+
+
+def _unknowns(at: Trim, count: int) -> Array:
+    """A trim as unknowns, its sideslip and climb taken as none."""
+    found = [at.roll, at.alpha, 0.0, at.elevator, at.aileron, at.throttle, at.rudder]
+    return np.array(found[:count])
 
 
 def trim_problem(fdm: Instance, heading: float, speed: float, climb: float, air: Array) -> Problem:
@@ -90,8 +129,11 @@ def trim_problem(fdm: Instance, heading: float, speed: float, climb: float, air:
         settle(fdm)
         return balance(fdm)
 
-    lowest, highest = bounds(fdm, 0.0, 1.0)
-    return Problem(residuals, lowest, highest)
+    lowest, highest = bounds(fdm, fdm.airframe.engines.idle, fdm.airframe.engines.full)
+    if not is_captive(fdm):
+        return Problem(residuals, lowest, highest)
+    longest = np.array(_LONGEST[: len(lowest)])
+    return Problem(residuals, lowest, highest, _CAPTIVE_DIFFERENCE, longest, slow=True)
 
 
 def velocity_of(speed: float, climb: float, heading: float) -> Array:
@@ -116,7 +158,12 @@ def first_guess(problem: Problem, p: Array) -> Array:
 
 
 def find(
-    fdm: Instance, problem: Problem, p: Array, heading: float, speeds: Sequence[float]
+    fdm: Instance,
+    problem: Problem,
+    p: Array,
+    heading: float,
+    speeds: Sequence[float],
+    guess: Array | None = None,
 ) -> tuple[Array | None, str]:
     """A trim at p, directly or by continuation from level flight; or None, and what is missing.
 
@@ -125,8 +172,10 @@ def find(
     The model is left evaluated at the trim, once: forces due to accelerations remember the last evaluation.
     """
     found = None
-    if fdm.engine_states:  # each evaluation waits for the engines: try what needs the fewest
-        found = correct(problem, p, first_guess(problem, p))
+    if is_captive(fdm):  # each evaluation waits for the engines: try what needs the fewest
+        found = correct(problem, p, first_guess(problem, p) if guess is None else guess)
+        if found is None and guess is not None:
+            found = correct(problem, p, first_guess(problem, p))
     if found is None:
         found = solve(problem, p, first_guess(problem, p))
     ends: list[Array] = []

@@ -74,12 +74,23 @@ air_north_mps = north_mps - 0.3048 * wind_north_fps
 per_speeds = 1 / max(v_mps * sqrt(air_east_mps * air_east_mps + air_north_mps * air_north_mps), 5)
 crab_cos = (air_east_mps * east_mps + air_north_mps * north_mps) * per_speeds
 crab_sin = (air_east_mps * north_mps - air_north_mps * east_mps) * per_speeds
+# Of an adopted aircraft: level flight and thrust, measured at five airspeeds, with straight lines between them.
+for level: cl_0 = interp(airspeed_mps, level_v1_mps, level_cl1, level_v2_mps, level_cl2, level_v3_mps, level_cl3, level_v4_mps, level_cl4, level_v5_mps, level_cl5)
+for level: cd_0 = interp(airspeed_mps, level_v1_mps, level_cd1, level_v2_mps, level_cd2, level_v3_mps, level_cd3, level_v4_mps, level_cd4, level_v5_mps, level_cd5)
+for level: elevator_0_rad = interp(airspeed_mps, level_v1_mps, level_elevator1_rad, level_v2_mps, level_elevator2_rad, level_v3_mps, level_elevator3_rad, level_v4_mps, level_elevator4_rad, level_v5_mps, level_elevator5_rad)
+for level: aileron_0_rad = interp(airspeed_mps, level_v1_mps, level_aileron1_rad, level_v2_mps, level_aileron2_rad, level_v3_mps, level_aileron3_rad, level_v4_mps, level_aileron4_rad, level_v5_mps, level_aileron5_rad)
+for level: share_1 = interp(airspeed_mps, level_v1_mps, thrust_share1_1, level_v2_mps, thrust_share2_1, level_v3_mps, thrust_share3_1, level_v4_mps, thrust_share4_1, level_v5_mps, thrust_share5_1)
+for level: share_2 = interp(airspeed_mps, level_v1_mps, thrust_share1_2, level_v2_mps, thrust_share2_2, level_v3_mps, thrust_share3_2, level_v4_mps, thrust_share4_2, level_v5_mps, thrust_share5_2)
+for level: share_3 = interp(airspeed_mps, level_v1_mps, thrust_share1_3, level_v2_mps, thrust_share2_3, level_v3_mps, thrust_share3_3, level_v4_mps, thrust_share4_3, level_v5_mps, thrust_share5_3)
 # Thrust available and drag in level flight at this bank, as accelerations.
-thrust_per_speed2_per_m = airframe_thrust_area_share * lift_per_cl_mps2 / (airspeed_mps * airspeed_mps)
-thrust_max_mps2 = thrust_per_speed2_per_m * airframe_motor_speed_mps * (airframe_motor_speed_mps - airspeed_mps)
-thrust_min_mps2 = -1 * airframe_windmill_area_share * lift_per_cl_mps2
+for level: thrust_max_mps2 = interp(airspeed_mps, level_v1_mps, thrust_max1_mps2, level_v2_mps, thrust_max2_mps2, level_v3_mps, thrust_max3_mps2, level_v4_mps, thrust_max4_mps2, level_v5_mps, thrust_max5_mps2)
+for level: thrust_min_mps2 = interp(airspeed_mps, level_v1_mps, thrust_min1_mps2, level_v2_mps, thrust_min2_mps2, level_v3_mps, thrust_min3_mps2, level_v4_mps, thrust_min4_mps2, level_v5_mps, thrust_min5_mps2)
+without level: thrust_per_speed2_per_m = airframe_thrust_area_share * lift_per_cl_mps2 / (airspeed_mps * airspeed_mps)
+without level: thrust_max_mps2 = thrust_per_speed2_per_m * airframe_motor_speed_mps * (airframe_motor_speed_mps - airspeed_mps)
+without level: thrust_min_mps2 = -1 * airframe_windmill_area_share * lift_per_cl_mps2
 level_cl = 9.80665 / (lift_per_cl_mps2 * bank_cos)
-level_drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + level_cl * (airframe_cd_1 + level_cl * airframe_cd_2))
+without level: level_drag_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + level_cl * (airframe_cd_1 + level_cl * airframe_cd_2))
+for level: level_drag_mps2 = lift_per_cl_mps2 * (cd_0 + level_cl * (airframe_cd_1 + level_cl * airframe_cd_2))
 # Speed before climb rate: what thrust cannot pay for is taken from zeta once the speed has strayed by the slack,
 # and at once when the airspeed comes near its limits.
 speed_high_mps = v_mps - v_plan_mps
@@ -99,8 +110,8 @@ omega_ddot_max_radps3 = 9.80665 * turn_aileron_rad * airspeed_mps / (airframe_ai
 acceleration_min_mps2 = min(thrust_min_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, -speed_reserved_mps2)
 acceleration_max_mps2 = max(thrust_max_mps2 - level_drag_mps2 - 9.80665 * zeta_ref_mps / airspeed_mps, speed_reserved_mps2)
 # Where the throttle begins to drive the propeller.
-knee_mps = airframe_windmill_throttle * (airframe_motor_speed_mps - airspeed_mps)
-thrust_knee_mps2 = thrust_per_speed2_per_m * (airspeed_mps + knee_mps) * knee_mps
+without level: knee_mps = airframe_windmill_throttle * (airframe_motor_speed_mps - airspeed_mps)
+without level: thrust_knee_mps2 = thrust_per_speed2_per_m * (airspeed_mps + knee_mps) * knee_mps
 roll_lead_s = turn_servo_lead_s + airframe_roll_lag_m / airspeed_mps
 # Angle of attack that a lift costs.
 alpha_per_mps2 = 1 / (bank_cos * lift_per_cl_mps2 * airframe_cl_alpha)
@@ -136,7 +147,9 @@ v_error_mps = v_model_mps - v_mps
 zeta_error_mps = zeta_model_mps - zeta_mps
 omega_error_radps = omega_model_radps - omega_radps
 climb_integral_mps2 = clip(climb_integral_mps2 + dt * climb_integral_per_s2 * zeta_error_mps, -3, 3)
-turn_integral_radps = clip(turn_integral_radps + dt * turn_integral_per_s * omega_error_radps, -0.15, 0.15)
+without level: turn_integral_radps = clip(turn_integral_radps + dt * turn_integral_per_s * omega_error_radps, -0.15, 0.15)
+# Of an adopted aircraft the integral waits for ailerons at their stop, and may cost 3 m/s^2 across the path.
+for level: turn_integral_radps = clip(turn_integral_radps + dt * turn_integral_per_s * aileron_free * omega_error_radps, -3 / v_mps, 3 / v_mps)
 zeta_dot_mps2 = zeta_dot_ref_mps2 + climb_feedback_per_s * zeta_error_mps + climb_integral_mps2
 speed_integral_mps2 = clip(speed_integral_mps2 + dt * throttle_free * speed_integral_per_s2 * v_error_mps, -2, 2)
 # The horizontal acceleration asked for, along and to the left of the air-relative path: in wind a steady turn over
@@ -159,22 +172,33 @@ lift_cl = lift_mps2 / (bank_cos * lift_per_cl_mps2)
 alpha_dot_ref_radps = alpha_per_mps2 * zeta_jerk_ref_mps3
 q_ref_radps = alpha_dot_ref_radps + (lift_mps2 / bank_cos - 9.80665 * climb_cos * bank_cos) / airspeed_mps
 q_dot_ref_radps2 = alpha_per_mps2 * zeta_jerk_dot_mps4 + zeta_jerk_ref_mps3 / airspeed_mps
-alpha_ref_rad = clip((lift_cl - airframe_cl_0 - airframe_cl_q_m * q_ref_radps / airspeed_mps) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
-elevator_rad = clip(airframe_elevator_0_rad + (airframe_elevator_per_alpha + airframe_elevator_per_alpha2 * alpha_ref_rad) * alpha_ref_rad + climb_servo_lead_s * airframe_elevator_per_alpha * alpha_dot_ref_radps + (airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) + airframe_elevator_per_alphadot_m * alpha_dot_ref_radps) / airspeed_mps + (airframe_elevator_per_qdot_m * q_dot_ref_radps2 - climb_alpha_feedback_mps2 * (alpha_ref_rad - alpha_rad) - climb_q_feedback_mps * (q_ref_radps - q_radps)) / lift_per_cl_mps2, -airframe_elevator_max_rad, airframe_elevator_max_rad)
+without level: alpha_ref_rad = clip((lift_cl - airframe_cl_0 - airframe_cl_q_m * q_ref_radps / airspeed_mps) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
+for level: alpha_ref_rad = clip((lift_cl - cl_0 - airframe_cl_q_m * q_ref_radps / airspeed_mps) / airframe_cl_alpha, envelope_alpha_min_rad, envelope_alpha_max_rad)
+without level: elevator_rad = clip(airframe_elevator_0_rad + (airframe_elevator_per_alpha + airframe_elevator_per_alpha2 * alpha_ref_rad) * alpha_ref_rad + climb_servo_lead_s * airframe_elevator_per_alpha * alpha_dot_ref_radps + (airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) + airframe_elevator_per_alphadot_m * alpha_dot_ref_radps) / airspeed_mps + (airframe_elevator_per_qdot_m * q_dot_ref_radps2 - climb_alpha_feedback_mps2 * (alpha_ref_rad - alpha_rad) - climb_q_feedback_mps * (q_ref_radps - q_radps)) / lift_per_cl_mps2, -airframe_elevator_max_rad, airframe_elevator_max_rad)
+for level: elevator_rad = clip(elevator_0_rad + (airframe_elevator_per_alpha + airframe_elevator_per_alpha2 * alpha_ref_rad) * alpha_ref_rad + climb_servo_lead_s * airframe_elevator_per_alpha * alpha_dot_ref_radps + (airframe_elevator_per_q_m * (q_ref_radps + climb_servo_lead_s * q_dot_ref_radps2) + airframe_elevator_per_alphadot_m * alpha_dot_ref_radps) / airspeed_mps + (airframe_elevator_per_qdot_m * q_dot_ref_radps2 - climb_alpha_feedback_mps2 * (alpha_ref_rad - alpha_rad) - climb_q_feedback_mps * (q_ref_radps - q_radps)) / lift_per_cl_mps2, -airframe_elevator_max_rad, airframe_elevator_max_rad)
 # Where pitch and roll share surfaces, pitch comes first: roll gets the travel that the elevator leaves.
 aileron_max_rad = min(airframe_aileron_max_rad, airframe_shared_max_rad - abs(elevator_rad))
-aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -aileron_max_rad, aileron_max_rad)
+without level: aileron_rad = clip((airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad, -aileron_max_rad, aileron_max_rad)
+for level: aileron_wanted_rad = aileron_0_rad + (airframe_aileron_per_p_m * roll_rate_radps + airframe_aileron_per_r_m * r_radps) / airspeed_mps + airframe_aileron_per_beta * beta_rad
+for level: aileron_rad = clip(aileron_wanted_rad, -aileron_max_rad, aileron_max_rad)
+for level: aileron_free = aileron_rad == aileron_wanted_rad
 # Thrust for the acceleration along the air-relative path, for drag, for weight; led by the motor's lag.
-thrust_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2)) + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
+without level: thrust_mps2 = lift_per_cl_mps2 * (airframe_cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2)) + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
+for level: thrust_mps2 = lift_per_cl_mps2 * (cd_0 + lift_cl * (airframe_cd_1 + lift_cl * airframe_cd_2)) + (9.80665 + zeta_dot_mps2) * climb_sin + ahead_mps2 * climb_cos + speed_thrust_lead_s * (acceleration_dot_mps3 * crab_cos + 9.80665 * zeta_dot_ref_mps2 / airspeed_mps)
 # The throttle that gives it: T = k Vd (Vd - Va) solved for Vd, and a straight line to the windmilling propeller.
-throttle_wanted = where(thrust_mps2 > thrust_knee_mps2, (sqrt(airspeed_mps * airspeed_mps + 4 * max(thrust_mps2, 0) / thrust_per_speed2_per_m) - airspeed_mps) / (2 * (airframe_motor_speed_mps - airspeed_mps)), airframe_windmill_throttle * (thrust_mps2 - thrust_min_mps2) / (thrust_knee_mps2 - thrust_min_mps2))
-throttle = clip(throttle_wanted, 0, 1)
+without level: throttle_wanted = where(thrust_mps2 > thrust_knee_mps2, (sqrt(airspeed_mps * airspeed_mps + 4 * max(thrust_mps2, 0) / thrust_per_speed2_per_m) - airspeed_mps) / (2 * (airframe_motor_speed_mps - airspeed_mps)), airframe_windmill_throttle * (thrust_mps2 - thrust_min_mps2) / (thrust_knee_mps2 - thrust_min_mps2))
+# Of an adopted aircraft: the share of the thrust range, and the throttle that gave it at this airspeed.
+for level: thrust_share = (thrust_mps2 - thrust_min_mps2) / max(thrust_max_mps2 - thrust_min_mps2, 0.01)
+for level: throttle_wanted = thrust_idle + (thrust_full - thrust_idle) * (interp(thrust_share, 0, 0, share_1, 0.25, share_2, 0.5, share_3, 0.75, 1, 1) + min(thrust_share, 0) + max(thrust_share - 1, 0))
+without level: throttle = clip(throttle_wanted, 0, 1)
+for level: throttle = clip(throttle_wanted, thrust_idle, thrust_full)
 throttle_free = throttle == throttle_wanted
 elevator_norm = elevator_rad / airframe_elevator_norm_rad + elevator_probe -> fcs/elevator-cmd-norm
 aileron_norm = aileron_rad / airframe_aileron_norm_rad + aileron_probe -> fcs/aileron-cmd-norm
 throttle_norm = throttle + throttle_probe -> fcs/throttle-cmd-norm
 
 == beginning for rudder if on every 8 ==
+for level: rudder_0_rad = interp(airspeed_mps, level_v1_mps, level_rudder1_rad, level_v2_mps, level_rudder2_rad, level_v3_mps, level_rudder3_rad, level_v4_mps, level_rudder4_rad, level_v5_mps, level_rudder5_rad)
 # Rudder that starts the yaw rate of a turn which a roll rate begins.
 rudder_per_p_s = airframe_rudder_per_rdot_m * 9.80665 * bank_cos / (airspeed_mps * lift_per_cl_mps2)
 
@@ -182,5 +206,6 @@ rudder_per_p_s = airframe_rudder_per_rdot_m * 9.80665 * bank_cos / (airspeed_mps
 # Yaw rate of a turn without sideslip under the side force felt; less the one measured, it is the sideslip's rate.
 yaw_rate_radps = alpha_rad * p_radps + 9.80665 * (sin(roll_rad) * climb_cos + side_load) / airspeed_mps
 # Rudder to yaw so, to begin to, and against the ailerons' adverse yaw; feedback of sideslip and of its rate.
-rudder_rad = clip((airframe_rudder_per_r_m * yaw_rate_radps - rudder_rate_feedback_m * (yaw_rate_radps - r_radps)) / airspeed_mps + rudder_per_p_s * p_radps + airframe_rudder_per_aileron * aileron_rad - rudder_feedback * beta_rad, -airframe_rudder_max_rad, airframe_rudder_max_rad)
+without level: rudder_rad = clip((airframe_rudder_per_r_m * yaw_rate_radps - rudder_rate_feedback_m * (yaw_rate_radps - r_radps)) / airspeed_mps + rudder_per_p_s * p_radps + airframe_rudder_per_aileron * aileron_rad - rudder_feedback * beta_rad, -airframe_rudder_max_rad, airframe_rudder_max_rad)
+for level: rudder_rad = clip(rudder_0_rad + (airframe_rudder_per_r_m * yaw_rate_radps - rudder_rate_feedback_m * (yaw_rate_radps - r_radps)) / airspeed_mps + rudder_per_p_s * p_radps + airframe_rudder_per_aileron * aileron_rad - rudder_feedback * beta_rad, -airframe_rudder_max_rad, airframe_rudder_max_rad)
 rudder_norm = rudder_rad / airframe_rudder_norm_rad + rudder_probe -> fcs/rudder-cmd-norm
