@@ -74,7 +74,7 @@ HOMES = {
     "markupsafe": ["testbed/report/"],
     "matplotlib": ["testbed/report/", "testbed/studies/"],
     "pyarrow": ["testbed/records/", "testbed/campaigns/tables.py", "testbed/verification/recorded.py"],
-    "pydantic": ["aircraft/airframes/schema.py", "testbed/scenario/", "testbed/campaigns/file.py"],
+    "pydantic": ["aircraft/airframes/", "testbed/scenario/", "testbed/campaigns/file.py"],
     "pytest": ["testbed/regression/plugin.py"],
     "typer": ["testbed/cli/"],
 }

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aircraft.airframe import copy, load
-from aircraft.airframes.schema import Engines, Setup
+from aircraft.airframes.setup import Engines, Setup
 from aircraft.autopilots.specification import margin_rows
 from aircraft.check.check import check
 from aircraft.jsbsim.engines import settle

@@ -19,8 +19,9 @@ from aircraft.adopt.rig import Rig
 from aircraft.adopt.skeleton import skeleton
 from aircraft.adopt.source import find
 from aircraft.adopt.speeds import Found, find_speeds, rounded
-from aircraft.adopt.thrust import BEFORE_AFTERBURNER, idle, measure_thrust
-from aircraft.airframes.schema import Airframe, Engines, Setup
+from aircraft.adopt.thrust import BEFORE_AFTERBURNER, Thrust, idle, measure_thrust
+from aircraft.airframes.schema import Airframe
+from aircraft.airframes.setup import Engines, Setup
 from aircraft.autopilots.specification import BANK_TAN, CLIMB, TURN
 from aircraft.jsbsim.errors import FdmError, UnresolvedError
 from aircraft.jsbsim.geodesy import G_MPS2
@@ -30,16 +31,7 @@ Say = Callable[[str], None]
 _CLIMB_SHARE = 0.6  # of the climb rate that full throttle gives
 _SINK_SHARE = 0.8
 _FILTERS = frozenset(
-    [
-        "lag_filter",
-        "lead_lag_filter",
-        "washout_filter",
-        "second_order_filter",
-        "integrator",
-        "pid",
-        "kinematic",
-        "actuator",
-    ]
+    ("lag_filter", "lead_lag_filter", "washout_filter", "second_order_filter", "integrator", "pid")
 )
 
 
@@ -177,12 +169,12 @@ def _finite(gains: dict[str, dict[str, float]]) -> None:
                 raise AdoptionError("gains", f"gains.{section}.{name} is {value}: a derivative is missing")
 
 
-def _rates(found: Found, locals_: list[Local], thrusts: list[object]) -> dict[str, float]:
+def _rates(found: Found, locals_: list[Local], thrusts: list[Thrust]) -> dict[str, float]:
     """Climb and turn rates of the steps, which thrust and wing sustain."""
     rates = []
     for x, thrust in zip(locals_, thrusts, strict=True):
-        up = (thrust.most - x.drag) * x.v / G_MPS2 * _CLIMB_SHARE  # type: ignore[attr-defined]
-        down = (x.drag - thrust.least) * x.v / G_MPS2 * _SINK_SHARE  # type: ignore[attr-defined]
+        up = (thrust.most - x.drag) * x.v / G_MPS2 * _CLIMB_SHARE
+        down = (x.drag - thrust.least) * x.v / G_MPS2 * _SINK_SHARE
         rates += [up, down]
     climb = min(*rates, CLIMB * max(1.0, found.lowest / 20.0))
     load = (found.lowest / found.stall) ** 2 * 0.85

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from aircraft.adopt.failures import AdoptionError
 from aircraft.adopt.rig import DT_S, Held, Rig
-from aircraft.airframes.schema import RECORDED_ANGLES, is_property
+from aircraft.airframes.schema import RECORDED_ANGLES
+from aircraft.airframes.setup import is_property
 from aircraft.jsbsim.engines import run_held
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from aircraft.adopt.controls import Controls
 from aircraft.adopt.derivatives import Local
 from aircraft.adopt.rig import Rig
 from aircraft.adopt.thrust import Thrust
-from aircraft.airframes.schema import Engines
+from aircraft.airframes.setup import Engines
 from aircraft.jsbsim.geodesy import G_MPS2
 
 KNOTS = 5  # airspeeds at which the autopilot knows level flight and thrust

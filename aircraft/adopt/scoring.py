@@ -1,4 +1,4 @@
-"""Flies an adopted aircraft's steps and measures its loops: what the search improves and the verdict judges."""
+"""Flies an adopted aircraft's steps and measures its loops, for the search and the verdict."""
 
 from __future__ import annotations
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import tomli_w
 
-from aircraft.airframes.schema import Airframe, Engines, Setup, Speeds, read_airframe
+from aircraft.airframes.schema import INVERTING, Airframe, Speeds, read_airframe
+from aircraft.airframes.setup import Engines, Setup
 from aircraft.autopilots.gains import needed_gains
 from aircraft.equations.catalogue import xml_of
 
@@ -31,6 +32,7 @@ def skeleton(folder: Path, name: str, setup: Setup, engines: Engines, rudder: bo
         gains={section: {"none": _ANY} for section in sections},
         folder=folder,
         step_factor=1.0,
+        autopilot=INVERTING,
         gains_file=None,
     )
     gains: dict[str, dict[str, float]] = {section: {} for section in sections}

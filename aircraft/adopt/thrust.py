@@ -8,7 +8,7 @@ import numpy as np
 
 from aircraft.adopt.failures import AdoptionError
 from aircraft.adopt.rig import Held, Rig
-from aircraft.airframes.schema import Engines
+from aircraft.airframes.setup import Engines
 from aircraft.jsbsim.engines import running
 from aircraft.jsbsim.errors import FdmError
 

@@ -13,17 +13,15 @@ import re
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from aircraft.airframes.setup import Engines, Finite, Positive, Setup, Strict, is_property
 from aircraft.textfile import TextError, line_of, parse_toml, read_text
 
 AIRFRAMES = Path(__file__).parent
 OTHERS = "autopilots"  # folder of an airframe with what belongs to autopilots that it can fly besides its own
 INVERTING = "inverting"  # the autopilot that airframes fly unless they name another
 
-Positive = Annotated[float, Field(gt=0, le=1e6)]
-Finite = Annotated[float, Field(ge=-1e9, le=1e9)]
-Share = Annotated[float, Field(ge=0, le=1)]
 # Angles that are recorded of every airframe: no surface may take their names.
 RECORDED_ANGLES = frozenset({"roll_rad", "pitch_rad", "heading_rad", "alpha_rad", "beta_rad", "theta_rad"})
 NAME = r"[A-Za-z0-9][\w.+-]*"
@@ -39,11 +37,7 @@ def _plain(name: str) -> str:
 Plain = Annotated[str, Field(max_length=100), AfterValidator(_plain)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class Speeds(_Strict):
+class Speeds(Strict):
     """Ground speeds in still air that the airframe is flown at."""
 
     v_min_mps: Positive
@@ -71,7 +65,7 @@ class Speeds(_Strict):
         return round(self.v_min_mps + share * (self.v_max_mps - self.v_min_mps), 3)
 
 
-class Channel(_Strict):
+class Channel(Strict):
     """One command channel as the lagged kinematic plant sees it."""
 
     time_constant_s: Annotated[float, Field(ge=0, le=1e3)] = 0.0
@@ -84,14 +78,14 @@ class Channel(_Strict):
     )
 
 
-class Fitted(_Strict):
+class Fitted(Strict):
     """Where the fitted feed-forward of [gains.airframe] comes from; see `aircraft.airframes.provenance`."""
 
     command: str = Field("", description="remakes the numbers")
     fingerprint: str | None = Field(None, description="of what they were made from")
 
 
-class Identified(_Strict):
+class Identified(Strict):
     """Channels identified on step responses of the model or on a flight log, and where they come from."""
 
     command: str = Field("", description="remakes the channels")
@@ -108,47 +102,6 @@ class Identified(_Strict):
         if (self.log is None) != (self.log_sha256 is None):
             raise ValueError("log and log_sha256 stand together")
         return self
-
-
-class Setup(_Strict):
-    """How the model is set up before a flight; what is absent stays as the model has it."""
-
-    gear: Share | None = Field(default=None, description="0 up, 1 down")
-    flaps: Share | None = Field(default=None, description="share of their travel")
-    fuel_freeze: bool = Field(default=False, description="tanks keep their contents in flight")
-    captive: bool = Field(
-        default=False,
-        description="the model's own flight control has filters: trims wait for them, as for engines",
-    )
-    properties: dict[str, Finite] = Field(default={}, description="JSBSim property -> value")
-
-    @model_validator(mode="after")
-    def named(self) -> Setup:
-        for path in self.properties:
-            if not is_property(path):
-                raise ValueError(f"setup.properties.{path}: cannot name a property of JSBSim")
-        return self
-
-
-class Engines(_Strict):
-    """How the engines are run: all get the same throttle, between `idle` and `full`."""
-
-    count: Annotated[int, Field(ge=1, le=16)] = 1
-    mixture: Share = 1.0
-    propeller: Share = Field(default=1.0, description="lever of a constant-speed propeller; 1 is full speed")
-    idle: Share = Field(default=0.0, description="least throttle: below, an engine may stop")
-    full: Share = Field(default=1.0, description="largest throttle: above, an afterburner may light")
-
-    @model_validator(mode="after")
-    def ordered(self) -> Engines:
-        if not self.idle < self.full:
-            raise ValueError("idle must be below full")
-        return self
-
-
-def is_property(path: str) -> bool:
-    """Whether JSBSim can parse a property's name: it aborts the process where it cannot."""
-    return bool(re.fullmatch(r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*", path, re.ASCII))
 
 
 def property_name(name: str) -> str:
@@ -170,7 +123,7 @@ def check_gains(gains: dict[str, dict[str, float]]) -> None:
                 )
 
 
-class Airframe(_Strict):
+class Airframe(Strict):
     """`airframe.toml`. Gains are SI, section -> name -> value; section.name is property ap/section-name."""
 
     name: Plain

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from aircraft.airframes.schema import Setup
+from aircraft.airframes.setup import Setup
 from aircraft.jsbsim.geodesy import M_PER_FT
 
 # What the wrapper reads and writes in every airframe, by the name it has here.
