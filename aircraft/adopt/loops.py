@@ -30,7 +30,7 @@ class Scales:
     climb_lag: float = 1.0
     pitch: float = 1.0  # feedback of angle of attack and pitch rate
     roll: float = 1.0  # feedback of bank and roll rate
-    speed: float = 1.0
+    speed: float = 1.0  # bandwidth of speed
     side: float = 0.0  # share of the side force that bank answers
 
 
@@ -98,7 +98,7 @@ def _turn(t: Times, airframe: Gains, s: Scales) -> Gains:
     return {
         "aileron_rad": 0.6 * airframe["aileron_max_rad"],
         "bandwidth_radps": bandwidth,
-        "damping": 1.15,
+        "damping": 1.0,
         "feedback": 0.12,
         "model_lag_s": max((t.aileron + 0.25 / omega) * s.turn_lag, 0.02),
         "side_share": s.side,
@@ -136,12 +136,12 @@ def _climb(t: Times, airframe: Gains, s: Scales) -> Gains:
 def _speed(t: Times, s: Scales) -> Gains:
     lag = max(t.thrust, 0.1)
     bandwidth = min(0.9 / lag, 3.2) * s.speed
-    feedback = min(0.55 / lag, 2.0) * s.speed
+    feedback = min(0.55 / lag, 2.0)
     return {
         "bandwidth_radps": bandwidth,
         "filter_s": max(0.75 * lag, 0.1),
         "feedback_per_s": feedback,
-        "integral_per_s2": 0.1 * feedback * bandwidth,
+        "integral_per_s2": 0.1 * feedback * min(0.9 / lag, 3.2),
         "model_lag_s": max(0.15 * lag, 0.03),
         "thrust_lead_s": lag,
         "release_per_s": 4.0 / max(lag / 0.2, 1.0),

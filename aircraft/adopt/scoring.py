@@ -17,6 +17,7 @@ from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.steady import Trim
 
 _CHANNELS = ("v", "omega", "zeta")
+_DEEPEST_M = 200.0
 
 
 @dataclass(frozen=True)
@@ -54,12 +55,15 @@ def cases(airframe: Airframe) -> list[Case]:
     """The steps at the airframe's own speeds: turns, climbs and speed, at slow, middle and fast."""
     s = airframe.speeds
     slow, middle, fast, brisk = (s.within(x) for x in (0.1, 0.5, 1.0, 0.9))
-    short, climb = duration(s, 8.0), climb_rate(s)
+    climb = climb_rate(s)
+    short = duration(s, 8.0)
+    # Descents end above the ground, 300 m below the start.
+    climbing = min(short, _DEEPEST_M / climb)
     found = [Case("omega", v, (v, turn_rate(s, v), 0.0), short) for v in (slow, middle, fast)]
-    found += [Case("zeta", v, (v, 0.0, sign * climb), short) for v in (slow, fast) for sign in (1.0, -1.0)]
+    found += [Case("zeta", v, (v, 0.0, sign * climb), climbing) for v in (slow, fast) for sign in (1.0, -1.0)]
     step = min(middle - slow, 4.0 * max(1.0, s.start_mps / 20.0))
     found += [
-        Case("v", v, (to, 0.0, 0.0), duration(s, 15.0))
+        Case("v", v, (to, 0.0, 0.0), duration(s, 12.0))
         for v, to in ((slow, slow + step), (middle, min(middle + step, brisk)), (middle, middle - step))
     ]
     return found
@@ -82,7 +86,6 @@ def flown(
     s = score(f.t, y, before, after)
     late = y[-max(len(y) // 8, 1) :]
     error = float(np.abs(late - after).max() / abs(after - before))
-    # What the other channels do, as a share of what would count as much in them.
     return Scored(case, s.t63 if math.isfinite(s.t63) else math.inf, s.overshoot, error), f
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import tomli_w
 
-from aircraft.airframes.schema import INVERTING, Airframe, Speeds, read_airframe
+from aircraft.airframes.schema import Airframe, Speeds, read_airframe
 from aircraft.airframes.setup import Engines, Setup
 from aircraft.autopilots.gains import needed_gains
 from aircraft.equations.catalogue import xml_of
@@ -20,20 +20,19 @@ _ANY = 0.1
 def skeleton(folder: Path, name: str, setup: Setup, engines: Engines, rudder: bool) -> Airframe:
     """Write airframe.toml and the autopilot with any gains, so that the model loads."""
     sections = (*SECTIONS, "rudder") if rudder else SECTIONS
-    empty = Airframe(
-        name=name,
-        title=name,
-        model=name,
-        licence="see README.md",
-        speeds=Speeds(v_min_mps=20.0, v_max_mps=40.0, start_mps=30.0, trim_mps=[30.0]),
-        surfaces={},
-        setup=setup,
-        engines=engines,
-        gains={section: {"none": _ANY} for section in sections},
-        folder=folder,
-        step_factor=1.0,
-        autopilot=INVERTING,
-        gains_file=None,
+    empty = Airframe.model_validate(
+        {
+            "name": name,
+            "title": name,
+            "model": name,
+            "licence": "see README.md",
+            "speeds": Speeds(v_min_mps=20.0, v_max_mps=40.0, start_mps=30.0, trim_mps=[30.0]),
+            "surfaces": {},
+            "setup": setup,
+            "engines": engines,
+            "gains": {section: {"none": _ANY} for section in sections},
+            "folder": folder,
+        }
     )
     gains: dict[str, dict[str, float]] = {section: {} for section in sections}
     for gain in sorted(needed_gains(empty)):

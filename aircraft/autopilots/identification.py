@@ -6,6 +6,7 @@ kinematic plant flies and a filter that predicts poses knows.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from aircraft.airframes.schema import Airframe, Speeds
 from aircraft.autopilots.specification import CLIMB, climb_rate, duration, turn_rate
 from aircraft.autopilots.tuning import fly
+from aircraft.jsbsim.steady import Trim
 
 Array = NDArray[np.floating[Any]]
 
@@ -68,11 +70,14 @@ def model(
     return out
 
 
-def identify(airframe: Airframe, channel: str, every: int = 1) -> tuple[float, float, float, float]:
+def identify(
+    airframe: Airframe, channel: str, every: int = 1, near: Callable[[float], Trim | None] | None = None
+) -> tuple[float, float, float, float]:
     """Time constant, delay [s], largest fall and rise [unit / s] that fit `steps` best in least squares.
 
     channel  one of CHANNELS
     every    periods from one instant that is compared to the next; more for flights that last longer
+    near     a trim near a speed [m/s], which makes starting quicker
     Raises   FdmError if the airframe cannot fly level at the speeds of the steps
     """
     from scipy.optimize import minimize
@@ -83,7 +88,11 @@ def identify(airframe: Airframe, channel: str, every: int = 1) -> tuple[float, f
     # Predictions begin from the rates that `Plant.achieved` gives: the lags are those of the same signal.
     signal = {"omega": "omega_measured"}.get(channel, channel)
     lasts = duration(airframe.speeds, _DURATION_S)
-    flown = np.array([getattr(fly(airframe, v, c, lasts, DT_S), signal) for v, _, c in flights])
+    responses = [
+        getattr(fly(airframe, v, c, lasts, DT_S, near=None if near is None else near(v)), signal)
+        for v, _, c in flights
+    ]
+    flown = np.array(responses)
     fastest = float(np.abs(np.diff(flown, axis=1)).max()) / DT_S
     every *= max(1, round(lasts / _DURATION_S))
     flown, dt = flown[:, every - 1 :: every], every * DT_S

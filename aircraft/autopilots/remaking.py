@@ -18,6 +18,7 @@ from aircraft.autopilots.feedforward import feedforward
 from aircraft.autopilots.freshness import flown
 from aircraft.autopilots.identification import CHANNELS, identify
 from aircraft.equations.catalogue import xml_of
+from aircraft.jsbsim.steady import Trim
 
 
 @dataclass(frozen=True)
@@ -58,17 +59,23 @@ def remade_autopilot(airframe: Airframe) -> Remade:
     return Remade(airframe.folder / "systems" / "autopilot.xml", text, text)
 
 
-def remade_lags(airframe: Airframe, progress: Callable[[str], None] = lambda what: None) -> Remade:
+def remade_lags(
+    airframe: Airframe,
+    progress: Callable[[str], None] = lambda what: None,
+    every: int = 1,
+    near: Callable[[float], Trim | None] | None = None,
+) -> Remade:
     """airframe.toml, or the gains file, with the lags identified on step responses. Raises FdmError.
 
     progress  called with the channel that is flown next
+    every, near  see `identification.identify`
     """
     found = "[identified]\n" + _provenance("identify", airframe, identified_fingerprint(airframe))
     rows = ", ".join(map(repr, flown(airframe)))
     found += f"flown = [{rows}]\n"
     for channel in CHANNELS:
         progress(f"steps of {channel}")
-        time_constant, delay, falls, rises = identify(airframe, channel)
+        time_constant, delay, falls, rises = identify(airframe, channel, every, near)
         found += f"\n[identified.{channel}]\ntime_constant_s = {time_constant:.3f}\ndelay_s = {delay:.3f}\n"
         found += f"rate_min = {-falls:.3g}\nrate_max = {rises:.3g}\n"
     path = airframe.gains_file or airframe.folder / "airframe.toml"

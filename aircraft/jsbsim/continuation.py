@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 BALANCED = 1e-6  # largest residual of a steady flight, in the residuals' units
 _TOLERANCE = 1e-13  # tolerance of the direct solver; its result is judged by BALANCED
-_CONVERGED, _SLOWLY_CONVERGED = 1e-10, 1e-7  # residual at which Newton's steps end
+_CONVERGED, _SLOWLY_CONVERGED = 1e-10, 5e-7  # residual at which Newton's steps end
 _FAST = 0.3  # of the residual before: what a step with corrected derivatives may leave
 _NEWTON_STEPS = 12
 DIFFERENCE = 1e-7  # for derivatives by x: rad, or share of a command
