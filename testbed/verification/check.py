@@ -16,6 +16,7 @@ from testbed.claims.monitored import MONITORED
 from testbed.errors import UserError
 from testbed.verification.columns import columns
 from testbed.verification.coverage import Uncovered, uncovered
+from testbed.verification.fence_claims import Fenced, without_fences
 from testbed.verification.filter_claims import filtering
 from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import Pose, fly_on
@@ -72,9 +73,15 @@ def _findings(run: Recorded) -> Iterator[Finding]:
     flown = fly_on(run.scenario, Pose(run.position, run.vehicles["theta_rad"]), run.i, run.j)
     pairs = Pairs(run, flown) if flown is not None and run.i.size else None
     rows, paths = Rows.of(run, pairs), PathBounds.of(run)
+    fenced = Fenced(run, paths) if run.fences else None
     yield from columns(run, paths, pairs, rows)
-    judged = [*premises(run, pairs), *(pairs.findings() if pairs is not None else _without_pairs(run))]
-    judged += [*PathClaims(run, paths).findings(), *filtering(rows), *solutions(rows), *declared(run)]
+    yield from fenced.table() if fenced else ()
+    judged = [
+        *premises(run, pairs, fenced),
+        *(pairs.findings() if pairs is not None else _without_pairs(run)),
+    ]
+    judged += [*PathClaims(run, paths).findings(), *filtering(rows, fenced), *solutions(rows), *declared(run)]
+    judged += fenced.findings() if fenced else without_fences(run)
     if (g9 := run.guarantees.get(registry.MANOEUVRE_KEEPS_DS.id)) is not None:
         judged.append(manoeuvre_keeps(pairs, Judge(run, g9)))
     # In the registry's order; what is no claim after it.
@@ -87,6 +94,8 @@ def _entries(run: Recorded) -> Finding:
     """Every claim that such a run is judged by is there, once, and no other."""
     s = run.scenario
     claims = [*registry.PREMISES, *registry.GUARANTEES]
+    if s.get("fence"):
+        claims += registry.FENCES
     if s["checks"]["manoeuvre_instants"] and not run.ended:
         claims.append(registry.MANOEUVRE_KEEPS_DS)
     if run.declared:

@@ -14,6 +14,7 @@ from testbed.claims.monitored import MONITORED
 from testbed.claims.registry import CLAIMS, COMMAND_LIMITS
 from testbed.verification.coverage_table import (
     DETAILS,
+    FENCES,
     FIELDS,
     MANIFEST,
     PAIRS,
@@ -57,6 +58,7 @@ def uncovered(run: Recorded, findings: Iterable[Finding]) -> list[Uncovered]:
 def items(run: Recorded) -> list[str]:
     """The names of everything in the folder."""
     named = [f"vehicles.{c}" for c in run.vehicles] + [f"pairs.{c}" for c in run.pairs]
+    named += [f"fences.{c}" for c in run.fences]
     named += [f"manifest.{key}" for key in run.manifest if key != "scenario"]
     named += [f"scenario.{path}" for path in leaves(run.scenario)]
     named += [f"timing.{key}" for key in run.timing]
@@ -82,6 +84,7 @@ def entry(name: str, run: Recorded) -> Checked | None:
         return VEHICLES.get(rest) or (SURFACE if rest in _surfaces(run) else None)
     tables: dict[str, Callable[[str], Checked | None]] = {
         "pairs": PAIRS.get,
+        "fences": FENCES.get,
         "manifest": MANIFEST.get,
         "timing": TIMING.get,
         "scenario": _scenario,
@@ -115,6 +118,7 @@ def _surfaces(run: Recorded) -> set[str]:
 def required(run: Recorded) -> list[str]:
     """What every run has."""
     pairs = [f"pairs.{c}" for c, checked in PAIRS.items() if checked.always] if run.i.size else []
+    pairs += [f"fences.{c}" for c in FENCES] if run.fences else []
     named = [f"vehicles.{c}" for c, checked in VEHICLES.items() if checked.always]
     named += [f"manifest.{key}" for key, checked in MANIFEST.items() if checked.always]
     return [*named, *pairs, *(f"{e['id']}.{key}" for e in run.entries for key in FIELDS)]

@@ -99,6 +99,13 @@ PAIRS = {
     # "declared" is compared, but shows little: forged columns that fit together agree.
     **{name: _sometimes(_no(f"only the filter's code gives its barrier; {FLY}")) for name in DECLARED},
 }
+FENCES = {
+    "t_s": _by("rows"),
+    "fence": _by("rows"),
+    "vehicle": _by("rows"),
+    "clearance_m": _by("clearance_m"),
+    "h_m": _by("fence_h_m"),
+}
 MANIFEST = {
     "schema_version": _by("manifest"),
     "seed_streams": _by("manifest"),
@@ -147,6 +154,8 @@ DETAILS = {
         **{name: _by("path-and-time") for name in ("path_added_m", "time_added_s")},
     },
     registry.MANOEUVRE_KEEPS_DS.id: {"branches": _OWN},
+    registry.FENCE_CLEARANCE.id: {"fence": _OWN, "possible_m": _OWN},
+    registry.FENCE_SAFE_SET.id: {"fence": _OWN},
 }
 
 
@@ -200,6 +209,7 @@ SCENARIO = {
     "barrier.gradient_step": _FILTER,
     "barrier.": _by("h_m", otherwise="a manoeuvre that is not flown here"),
     "alpha.": _by("G3 barrier-condition", otherwise="h is not known"),
+    "fence": _by("fence_h_m", "clearance_m"),
     "navigation.": _no("the navigation function is not computed again"),
     "checks.": _by("G9 manoeuvre-keeps-Ds", "entries"),
     "lags.": _no("lags are not computed again"),

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbed.claims import registry
 from testbed.records.verdict import Status
+from testbed.verification.fence_claims import Fenced
 from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.pair_claims import H_ALLOWED
 from testbed.verification.recorded import Array
@@ -18,9 +19,10 @@ ROW_ALLOWED = 1e-6
 FAILED = ("infeasible", "iteration_limit")
 
 
-def filtering(rows: Rows) -> Iterator[Finding]:
+def filtering(rows: Rows, fenced: Fenced | None) -> Iterator[Finding]:
+    if registry.QP_FEASIBILITY.id in rows.run.guarantees:
+        yield _feasibility(rows, Judge(rows.run, rows.run.guarantees[registry.QP_FEASIBILITY.id]), fenced)
     for claim, look in (
-        (registry.QP_FEASIBILITY, _feasibility),
         (registry.COMMAND_LIMITS, _limits),
         (registry.ROWS_SATISFIED, _satisfied),
     ):
@@ -50,7 +52,7 @@ def _own_filter(judge: Judge, bound: float, more: int) -> Finding:
     return judge.done("not recorded", open_=True, why="the filter was not the scenario's")
 
 
-def _feasibility(rows: Rows, judge: Judge) -> Finding:
+def _feasibility(rows: Rows, judge: Judge, fenced: Fenced | None) -> Finding:
     run, e = rows.run, judge.entry
     if "filter" in run.parts:
         return _own_filter(judge, 0.0, -1)
@@ -68,7 +70,7 @@ def _feasibility(rows: Rows, judge: Judge) -> Finding:
     if run.complete:
         due = {name: int((status == name).sum()) for name in FAILED if (status == name).any()}
         judge.expect("detail", {k: n for k, n in e["detail"].items() if k in FAILED}, due)
-        fewest, most = (int(failed[safe].sum()) for safe in _safe(rows))
+        fewest, most = (int(failed[safe].sum()) for safe in _safe(rows, fenced))
         if not fewest <= e["detail"].get("in_safe_set", -1) <= most:
             judge.wrong.append(f"in_safe_set is {e['detail'].get('in_safe_set')}, should be {most}")
         if count:
@@ -78,14 +80,16 @@ def _feasibility(rows: Rows, judge: Judge) -> Finding:
     return judge.done(f"{count} recorded", open_=not run.complete and count == 0)
 
 
-def _safe(rows: Rows) -> tuple[Array, Array]:
-    """Instants (T,) at which every pair is safe beyond round-off, and at which it may be."""
+def _safe(rows: Rows, fenced: Fenced | None) -> tuple[Array, Array]:
+    """Instants (T,) at which all pairs and fences are safe beyond round-off, and at which they may be."""
+    surely = maybe = np.ones(len(rows.run.t), dtype=bool)
+    if fenced is not None:
+        wrong = fenced.now.off + H_ALLOWED
+        surely, maybe = np.all(fenced.h >= wrong, axis=1), np.all(fenced.h >= -wrong, axis=1)
     if rows.pairs is None:
-        every = np.ones(len(rows.run.t), dtype=bool)
-        return np.asarray(every & (rows.run.i.size == 0)), every
-    now = rows.pairs.now
-    off = now.off + H_ALLOWED
-    return np.all(now.h >= off, axis=1), np.all(now.h >= -off, axis=1)
+        return np.asarray(surely & (rows.run.i.size == 0)), maybe
+    h, off = rows.pairs.now.h, rows.pairs.now.off + H_ALLOWED
+    return surely & np.all(h >= off, axis=1), maybe & np.all(h >= -off, axis=1)
 
 
 def _limits(rows: Rows, judge: Judge) -> Finding:

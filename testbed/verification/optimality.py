@@ -12,7 +12,7 @@ from testbed.verification.finding import Finding
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
 from testbed.verification.settings import alpha, box, margin
-from testbed.verification.solutions import asked_of_one
+from testbed.verification.solutions import asked_of_one, rows_of_fences
 
 # Of many altered commands so many are looked into, evenly along the run.
 LOOKED = 2000
@@ -35,7 +35,7 @@ def minimal(rows: Rows) -> Finding:
         why = "the navigation function is not computed again"
         return Finding("minimal", said, "unknown", None, None, why)
     altered = change > OVERRIDE
-    if not rows.solves or not run.i.size:
+    if not rows.solves or not (run.i.size or run.fences):
         count = int(altered.sum())
         return _finding(said, [f"{count} commands are altered without a filter"] if count else [])
     if rows.own is None:
@@ -101,4 +101,9 @@ def _joint_rows(rows: Rows, k: int) -> tuple[Array, Array, Array]:
         matrix[pairs, vehicle] = own.lie[side][:, k].T
     raised = margin(rows.s, own.lie[0][:, k]) + margin(rows.s, own.lie[1][:, k])
     _, off = rows.left
-    return matrix.reshape(pairs.size, -1), raised - alpha(rows.s, own.h[k]), off[k]
+    more, asked, wrong = rows_of_fences(rows, k, np.arange(rows.s["vehicles"]))
+    return (
+        np.concatenate([matrix.reshape(pairs.size, -1), more]),
+        np.concatenate([raised - alpha(rows.s, own.h[k]), asked]),
+        np.concatenate([off[k], wrong]),
+    )

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbed.claims import registry
 from testbed.records.verdict import Status
+from testbed.verification.fence_claims import Fenced
 from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import manoeuvre
 from testbed.verification.pair_claims import H_ALLOWED, Pairs
@@ -15,9 +16,10 @@ from testbed.verification.recorded import Recorded
 from testbed.verification.settings import box, inside
 
 
-def premises(run: Recorded, pairs: Pairs | None) -> Iterator[Finding]:
+def premises(run: Recorded, pairs: Pairs | None, fenced: Fenced | None) -> Iterator[Finding]:
+    if registry.START_SAFE.id in run.guarantees:
+        yield _start(Judge(run, run.guarantees[registry.START_SAFE.id]), pairs, fenced)
     for claim, look in (
-        (registry.START_SAFE, _start),
         (registry.SHARED_MANOEUVRE, _shared),
         (registry.MANOEUVRE_IN_U, _inside),
         (registry.MANOEUVRE_FLYABLE, _flyable),
@@ -26,17 +28,19 @@ def premises(run: Recorded, pairs: Pairs | None) -> Iterator[Finding]:
             yield look(Judge(run, run.guarantees[claim.id]), pairs)
 
 
-def _start(judge: Judge, pairs: Pairs | None) -> Finding:
+def _start(judge: Judge, pairs: Pairs | None, fenced: Fenced | None) -> Finding:
+    least, off = np.inf, 0.0
+    if fenced is not None:
+        least, off = float(fenced.h[0].min()), fenced.now.off
     if pairs is None:
         if judge.run.i.size:
             return judge.done("unknown", None, True, "verification does not cover this manoeuvre")
-        judge.expect("verdict", judge.entry["verdict"], judge.verdict(True))
-        return judge.done("no pair")
-    least = float(pairs.now.h[0].min())
+    else:
+        least, off = min(least, float(pairs.now.h[0].min())), max(off, float(pairs.now.off[0].max()))
     judge.expect(
         "verdict", judge.entry["verdict"], judge.verdict(least >= -H_ALLOWED, Status.PREMISE_NOT_MET)
     )
-    return judge.done(f"least h {least:.6g}", float(pairs.now.off[0].max()))
+    return judge.done("no pair" if least == np.inf else f"least h {least:.6g}", off)
 
 
 def _shared(judge: Judge, pairs: Pairs | None) -> Finding:

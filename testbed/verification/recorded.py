@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ class Recorded:
     t          (T,) s
     vehicles   column -> (T, N)
     pairs      column -> (T, P), pairs in the order (1, 2), (1, 3), ... (N - 1, N)
+    fences     column -> (T, K), by fence and then by vehicle; empty without fences
     i, j       (P,) vehicles of each pair, from 0
     changed    files whose checksum is not the manifest's, manifest and timing by their own
     timing     the wall time, which no verdict uses
@@ -41,6 +42,7 @@ class Recorded:
     j: Array
     changed: list[str]
     timing: dict[str, Any]
+    fences: dict[str, Array] = field(default_factory=dict)
 
     @cached_property
     def guarantees(self) -> dict[str, dict[str, Any]]:
@@ -130,13 +132,14 @@ def read(folder: Path) -> Recorded:
     i, j = np.triu_indices(n, 1)
     vehicles = _table(folder, "vehicles", n, {"vehicle": np.arange(n) + 1})
     pairs = _table(folder, "pairs", i.size, {"i": i + 1, "j": j + 1}) if i.size else {}
+    fences = _fences(folder, s)
     t = vehicles["t_s"][:, 0]
     ended = manifest.get("ended_early")
     if len(t) != instants and not (ended and len(t) < instants):
         raise UserError(
             f"{folder}: {len(t)} instants recorded, {instants} expected: rows are missing or too many"
         )
-    for name, table in (("vehicles", vehicles), ("pairs", pairs)):
+    for name, table in (("vehicles", vehicles), ("pairs", pairs), ("fences", fences)):
         if table and (
             len(table["t_s"]) != len(t)
             or np.abs(table["t_s"] - period * np.arange(len(t))[:, None]).max() > 1e-6
@@ -147,7 +150,8 @@ def read(folder: Path) -> Recorded:
         for name, told in manifest.get("files", {}).items()
         if hashlib.sha256((folder / name).read_bytes()).hexdigest() != told
     ]
-    tables = ["vehicles.parquet", "pairs.parquet"] if i.size else ["vehicles.parquet"]
+    given = {"vehicles": vehicles, "pairs": pairs, "fences": fences}
+    tables = [f"{name}.parquet" for name, table in given.items() if table]
     changed += [name for name in [*tables, "guarantees.json"] if name not in manifest.get("files", {})]
     if manifest.get("sha256") != _seal(manifest):
         changed.append("manifest.json")
@@ -156,7 +160,26 @@ def read(folder: Path) -> Recorded:
     timing = _json(folder, "timing.json")
     if timing.get("sha256") != _seal(timing):
         changed.append("timing.json")
-    return Recorded(manifest, s, ended, entries, t, vehicles, pairs, i, j, changed, timing)
+    return Recorded(manifest, s, ended, entries, t, vehicles, pairs, i, j, changed, timing, fences)
+
+
+def _fences(folder: Path, s: dict[str, Any]) -> dict[str, Array]:
+    """The table of fences, of which a scenario without any has none."""
+    who = [(k + 1, v) for k, fence in enumerate(s.get("fence", [])) for v in fenced_vehicles(s, fence)]
+    if not who:
+        return {}
+    fence, vehicle = np.array(who).T
+    return _table(folder, "fences", len(who), {"fence": fence, "vehicle": vehicle})
+
+
+def fenced_vehicles(s: dict[str, Any], fence: dict[str, Any]) -> list[int]:
+    """The vehicles, from 1, that a fence is for: those it lists, or all that are under the filter."""
+    own = [k for k in range(1, s["vehicles"] + 1) if not s.get("vehicle") or _filtered(s["vehicle"][k - 1])]
+    return sorted(fence["vehicles"]) or own
+
+
+def _filtered(vehicle: dict[str, Any]) -> bool:
+    return bool(vehicle.get("filter", True))
 
 
 def _today(scenario: dict[str, Any]) -> dict[str, Any]:

@@ -7,11 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from testbed.verification.fences import FenceRows, fence_rows
 from testbed.verification.filter_view import filter_view
-from testbed.verification.future import BLOCK, Flown, Future, Pose, fly_on, future
+from testbed.verification.future import BLOCK, Flown, Future, Pose, fly_on, future, manoeuvre
 from testbed.verification.pair_claims import SOLVING, Pairs
 from testbed.verification.recorded import Array, Recorded
-from testbed.verification.settings import Scenario, alpha, box, filters_own, steepness
+from testbed.verification.settings import Scenario, alpha, box, filters_own, margin, steepness
 
 # Largest difference of predicted poses, integrals computed differently here and by the filter, with levers.
 BLUR_M = 1e-6
@@ -40,6 +41,9 @@ class Rows:
     def own(self) -> Flown | None:
         """h and L_g h (T, P) of the filter's own barrier at the poses it saw."""
         run, s = self.run, filters_own(self.s)
+        if not run.i.size and run.fences and not isinstance(self.seen, str):  # alone: no pair has a row
+            none, no_lie = np.zeros((len(run.t), 0)), np.zeros((2, 3, len(run.t), 0))
+            return Flown(none, no_lie, none, no_lie, None)
         if isinstance(self.seen, str) or self.pairs is None:
             return None
         true = s["barrier"] == self.s["barrier"] and s["d_safe_m"] == self.s["d_safe_m"]
@@ -50,6 +54,28 @@ class Rows:
         if flown is None or s["barrier"]["gradient"] == "analytic":
             return flown
         return _differenced(s, self.seen, run.i, run.j, flown, run.command)
+
+    @cached_property
+    def fenced(self) -> FenceRows | None:
+        """The filter's rows of fences at the poses it saw; None without fences or where it is unknown."""
+        if not self.run.fences or isinstance(self.seen, str):
+            return None
+        s = filters_own(self.s)
+        made = fence_rows(s, self.seen, manoeuvre(s), s["d_safe_m"] - self.s["d_safe_m"])
+        if not self.s["remedy"]["predict_lags"]:
+            return made
+        return replace(made, off=made.off + BLUR_M, lie_off=made.lie_off + BLUR_M)
+
+    @cached_property
+    def fences_asked(self) -> tuple[Array, Array]:
+        """The right-hand sides (T, R) of the rows of fences, margins included, and their errors."""
+        made = self.fenced
+        assert made is not None
+        most = np.maximum(*map(np.abs, box(self.s))).sum()
+        off = (
+            steepness(self.s, made.h) * made.off + made.lie_off * most + 1e-13 * np.abs(alpha(self.s, made.h))
+        )
+        return margin(self.s, made.lie) - alpha(self.s, made.h), off
 
     @cached_property
     def left(self) -> tuple[Array, Array]:

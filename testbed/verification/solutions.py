@@ -63,13 +63,23 @@ def _solved(rows: Rows) -> Finding:
         short = np.maximum(
             *(np.where(at[:, v], x, -np.inf) for v, x in zip((run.i, run.j), halves, strict=True))
         )
-    worst = float((short - off).max(initial=-np.inf))
+    worst = max(float((short - off).max(initial=-np.inf)), _fences_short(rows))
     good = worst <= ROW_ALLOWED
     why = "" if good else f"a row is short by {worst:.3g} where a solution is claimed"
     tight = float(off.max(initial=0.0))
     return Finding(
         "solutions", f"{int(at.sum())} solved", f"short by {max(worst, 0.0):.2g}", good, tight, why
     )
+
+
+def _fences_short(rows: Rows) -> float:
+    """By how much the commands of vehicles with a solution leave rows of fences short, at most."""
+    made = rows.fenced
+    if made is None:
+        return -np.inf
+    asked, off = rows.fences_asked
+    short = asked - made.hdot(rows.run.command) - off
+    return float(np.where(rows.solved[:, made.vehicle], short, -np.inf).max(initial=-np.inf))
 
 
 def _joint(rows: Rows) -> Array:
@@ -133,7 +143,10 @@ def _room_of_all(rows: Rows, k: int, vehicles: Array) -> float:
     for side, vehicle in enumerate((run.i, run.j)):
         matrix[np.arange(use.size), np.searchsorted(vehicles, vehicle[use])] = own.lie[side][:, k, use].T
     asked = margin(rows.s, own.lie[0][:, k, use]) + margin(rows.s, own.lie[1][:, k, use])
-    return _room(rows, matrix.reshape(use.size, 3 * vehicles.size), asked - alpha(rows.s, own.h[k, use]))
+    asked = asked - alpha(rows.s, own.h[k, use])
+    more, due, _ = rows_of_fences(rows, k, vehicles)
+    matrix = np.concatenate([matrix.reshape(use.size, 3 * vehicles.size), more])
+    return _room(rows, matrix, np.concatenate([asked, due]))
 
 
 def _room_of_one(rows: Rows, k: int, vehicle: int) -> float:
@@ -153,7 +166,22 @@ def asked_of_one(rows: Rows, k: int, vehicle: int) -> tuple[Array, Array, Array]
         matrix.append(own.lie[side][:, k, use].T)
         asked.append(_asked(rows, side)[k, use])
         wrong.append(off[k, use])
+    more = rows_of_fences(rows, k, np.array([vehicle]))
+    for listed, of_fences in zip((matrix, asked, wrong), more, strict=True):
+        listed.append(of_fences)
     return np.concatenate(matrix), np.concatenate(asked), np.concatenate(wrong)
+
+
+def rows_of_fences(rows: Rows, k: int, vehicles: Array) -> tuple[Array, Array, Array]:
+    """The rows of fences over `vehicles` (M,) at instant k: matrix (R, 3 M), right-hand sides and errors."""
+    made = rows.fenced
+    if made is None:
+        return np.zeros((0, 3 * vehicles.size)), np.zeros(0), np.zeros(0)
+    asked, off = rows.fences_asked
+    use = np.flatnonzero(np.isin(made.vehicle, vehicles))
+    matrix = np.zeros((use.size, vehicles.size, 3))
+    matrix[np.arange(use.size), np.searchsorted(vehicles, made.vehicle[use])] = made.lie[:, k, use].T
+    return matrix.reshape(use.size, -1), asked[k, use], off[k, use]
 
 
 def _room(rows: Rows, matrix: Array, asked: Array) -> float:
