@@ -124,13 +124,15 @@ def test_a_wrong_fence_is_refused_in_one_line(change, why):
             ["barrier.shared=false", "barrier.pairs=[{i=1, j=2, v_mps=16, omega_degps=9}]"],
             "one evading manoeuvre",
         ),
+        (["barrier={kind='straight', zeta_mps=[1, 2]}", f"fence=[{BAND}]"], "fence.1: .*climbs at 1 m/s"),
+        (["barrier={kind='straight'}", f"fence=[{SHED}]"], "fence.1: straight flight of vehicle 1 past"),
         (["remedy.air_mass=true", "wind.speed_mps=3"], "remedy.air_mass: .* drifts over the ground"),
-        (["barrier={kind='straight'}"], r"fence 1 \(field\), vehicle 1: .*leaves every area"),
+        (["barrier={kind='straight'}"], "fence.1: .*vehicle 1 is straight flight and leaves every area"),
     ],
 )
 def test_a_manoeuvre_that_leaves_every_fence_is_refused(overrides, why):
     with pytest.raises(UserError, match=why):
-        flown(*COARSE, f"fence=[{FIELD}]", *overrides)
+        load("paper-2-turn", [f"fence=[{FIELD}, {SHED}, {BAND}]", *overrides])
 
 
 @pytest.mark.parametrize(

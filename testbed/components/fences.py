@@ -9,8 +9,8 @@ from filters.barriers.pairs import Barrier
 from filters.model import State
 from testbed.components.fence_room import nowhere
 from testbed.errors import UserError
-from testbed.scenario import fleet
 from testbed.scenario.fence import title
+from testbed.scenario.fence_rules import fenced
 from testbed.scenario.scenario import Scenario
 
 # Round-off of h at coordinates of some hundred metres [m].
@@ -28,9 +28,9 @@ def fences(s: Scenario, barrier: Barrier, buffer_m: float = 0.0) -> Fences | Non
     gamma = barrier.manoeuvre(s.vehicles)
     if gamma is None:
         raise UserError("fence: needs one evading manoeuvre of each vehicle, and this barrier has none")
-    made, under = [], np.setdiff1d(np.arange(s.vehicles), fleet.intruders(s))
+    made = []
     for number, f in enumerate(s.fence, 1):
-        who = np.array(sorted(f.vehicles), dtype=int) - 1 if f.vehicles else under
+        who = np.array(fenced(s, f), dtype=int) - 1
         try:
             made.append(Fence(f.shape(buffer_m), who, title(number, f.name)))
         except ValueError as error:
