@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
@@ -29,6 +30,8 @@ from aircraft.autopilots.remaking import remade_lags
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.steady import Trim
 
+EXAMINED_S, FLOWN_S = 25.0, 90.0  # processor time until derivatives are known, and for search and flights
+_LATE = "not done in the time that a sound model takes: it does not settle, or has too many parts"
 _EVERY = 4  # periods between instants of a flight that lags are fitted to
 _HEAD = """# Written by `testbed aircraft adopt`; README.md says what was found and assumed.
 # Gains become properties ap/SECTION-NAME. After an edit: testbed aircraft autopilot FOLDER."""
@@ -57,6 +60,8 @@ class _Trims:
 def adopt(name_or_path: str, folder: Path, say: Callable[[str], None]) -> Verdict:
     """Adopt a model into `folder`. Raises AdoptionError where that is not possible."""
     model = examine(name_or_path, folder, say)
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_PROF, FLOWN_S)
     try:
         near = _Trims(model)
         scales = search(model, near, say)
@@ -91,6 +96,12 @@ def main(name_or_path: str, folder: Path) -> None:
         stage = what.partition(":")[0]
         say(stage=what)
 
+    def late(*_: object) -> None:
+        raise AdoptionError(stage, _LATE)
+
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGPROF, late)
+        signal.setitimer(signal.ITIMER_PROF, EXAMINED_S)
     try:
         verdict = adopt(name_or_path, folder, next_)
     except AdoptionError as error:

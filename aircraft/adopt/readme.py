@@ -37,7 +37,7 @@ def readme(model: Model, source: str, scored: Sequence[Scored], disks: dict[tupl
     lines += [
         "",
         "The gains follow from these numbers by formulas and a short search;",
-        f"`testbed aircraft adopt` remakes them. `testbed aircraft describe {name}` measures everything else.",
+        f"`testbed aircraft adopt` remakes them. `testbed aircraft describe {name}` measures the rest.",
         "",
     ]
     return "\n".join(lines)

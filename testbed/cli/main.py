@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from testbed.cli import (
+    adopt,
     aircraft_log,
     answer,
     campaign,
@@ -78,6 +79,11 @@ _add("answer", answer.answer, answer.EXAMPLE, "Tabulate whether the guarantee su
 remaking.app.command(
     "log", short_help="Lags of a flight log, beside the simulated aircraft.", epilog=aircraft_log.EXAMPLES
 )(aircraft_log.log)
+remaking.app.command(
+    short_help="Any JSBSim aircraft, flying under an autopilot.",
+    epilog="Examples: testbed aircraft adopt c172p; testbed aircraft adopt my-models/glider --out my-glider;"
+    " exit code 0 good, 1 flies with remarks or refused, 2 bad input",
+)(adopt.adopt)
 app.add_typer(remaking.app, name="aircraft")
 _add("tune", tune.tune, tune.TUNE_EXAMPLES, "Score, sweep or optimise an airframe's gains.")
 _add("report", cli_report.report, cli_report.EXAMPLE, "Write one HTML page of what other commands wrote.")
