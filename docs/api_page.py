@@ -13,6 +13,7 @@ from aircraft import airframe, plant
 from filters import filter as filters_
 from testbed.components import guidance
 from testbed.environment import atmosphere, observation
+from testbed.gym import rewards
 from testbed.records import run
 
 INTRODUCTION = """\
@@ -76,6 +77,9 @@ def markdown() -> str:
     parts += ["## The seams", "A part of your own has these methods; see [extend.md](extend.md)."]
     for seam in (*PROTOCOLS, filters_.Decision):
         parts += _entry(f"{seam.__module__}.{seam.__name__}", seam)
+    parts += ["## Rewards", "The environments of Gymnasium and PettingZoo are in [steps.md](steps.md)."]
+    for thing in (rewards.Transition, rewards.progress):
+        parts += _entry(f"{thing.__module__}.{thing.__name__}", thing)
     parts.append("## Airframes")
     for thing in FUNCTIONS:
         parts += _entry(f"{thing.__module__}.{thing.__name__}", thing)
