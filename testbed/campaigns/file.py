@@ -90,7 +90,7 @@ class Stop(Section):
 
 
 class Campaign(Section):
-    """Every cell (plant x filter x remedy x variant x grid) is flown from the same seeds."""
+    """Every cell (plant x filter x guidance x remedy x variant x grid) is flown from the same seeds."""
 
     schema_version: Literal[1] = 1
     name: Name
@@ -104,8 +104,9 @@ class Campaign(Section):
     keep: Literal["none", "violations", "all"] = Field(default="none", description="run folders to keep")
     force: bool = Field(default=True, description=f"fly unsafe starts too; `{START_SAFE.id}` tells")
     set: dict[str, Any] = Field(default={}, description="fields of the base scenario")
-    plants: list[str] = Field(default=[], description="axis: unicycle, lagged, jsbsim")
-    filters: list[str] = Field(default=[], description="axis: filter.kind")
+    plants: list[str] = Field(default=[], description="axis: a plant, or a name that --parts brings")
+    filters: list[str] = Field(default=[], description="axis: filter.kind, or a name that --parts brings")
+    guidance: list[str] = Field(default=[], description="axis: guidance.kind, or a name that --parts brings")
     remedies: list[str] = Field(default=[], description="axis: by name, as `testbed remedies` has them")
     variants: dict[str, dict[str, Any]] = Field(default={}, description="axis: several fields under one name")
     grid: dict[str, Values] = Field(default={}, description="axes: field -> values")
@@ -118,7 +119,7 @@ class Campaign(Section):
             raise ValueError("seeds: say how many")
         if self.stop is not None and self.seeds not in (None, self.stop.looks[-1]):
             raise ValueError(f"seeds: {self.seeds}, but the last of stop.looks is {self.stop.looks[-1]}")
-        for axis in ("plants", "filters", "remedies"):
+        for axis in ("plants", "filters", "guidance", "remedies"):
             twice = {v for v in getattr(self, axis) if getattr(self, axis).count(v) > 1}
             if twice:
                 raise ValueError(f"{axis}: {min(twice)!r} is listed twice")

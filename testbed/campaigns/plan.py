@@ -14,6 +14,7 @@ from testbed.campaigns.draw import draw
 from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
 from testbed.campaigns.sent_parts import OwnParts, SentParts, origins
+from testbed.components.choices import AXES, Choice, choices, everywhere
 from testbed.components.installed_parts import effective
 from testbed.errors import UserError, nearest, short
 from testbed.scenario import scenario
@@ -125,10 +126,13 @@ def expand(
 
     code       name of the code that flies them; None: this code's
     airframes  `Plan.airframes` of an earlier process; None: computed from the files as they are
-    parts      the user's own, flown in every cell
+    parts      the user's own: each flies in the cells whose axis names it, or in all if its role has no axis
     Raises UserError naming the axis, the cell or the seed whose scenario is refused, or a field set twice.
     """
-    axes = _axes(campaign, start)
+    roles = {label: of["role"] for label, of in parts.origins.items()} if parts else {}
+    parted = _parted(campaign, roles)
+    always = everywhere(roles, parted, f"{campaign.name}: ")
+    axes = _axes(campaign, parted)
     drawn = {".".join(_path(name, "random")): d for name, d in campaign.random.items()}
     _once(axes, drawn)
     seeds = campaign.seed_list
@@ -144,7 +148,9 @@ def expand(
         fields = dict(pair for _, fields in chosen for pair in fields.items())
         data = _cell_data(parameters, fields, campaign, start, drawn)
         label = _said({axis: v for axis, v in parameters.items() if len(axes[axis]) > 1}) or "all"
-        named = tuple(parts.origins) if parts else ()
+        here = {(role, parameters[_name(role)]) for role in parted}
+        varied = (c.name for role, of in parted.items() for c in of if c.own and (role, c.name) in here)
+        named = (*always, *varied)
         cells.append(Cell(number, parameters, label, data, named))
         given = parts.identity(named) if parts else {}
         for seed in seeds:
@@ -160,13 +166,23 @@ def expand(
     return Plan(campaign, start, code, cells, runs, hashes.known, parts or OwnParts())
 
 
-def _axes(campaign: Campaign, start: Scenario) -> dict[str, dict[Any, Fields]]:
+def _parted(campaign: Campaign, roles: Mapping[str, str]) -> dict[str, list[Choice]]:
+    """Role -> the choices of its axis. roles: label -> role of the user's own parts."""
+    said = {role: getattr(campaign, axis.name) for role, axis in AXES.items()}
+    where = f"{campaign.name}: "
+    return {r: choices(AXES[r], names, roles, where + AXES[r].name) for r, names in said.items() if names}
+
+
+def _name(role: str) -> str:
+    """The axis of a role, as tables call it."""
+    return ".".join(AXES[role].field)
+
+
+def _axes(campaign: Campaign, parted: Mapping[str, list[Choice]]) -> dict[str, dict[Any, Fields]]:
     """Axis -> label -> the fields it sets. Remedies' fields depend on the cell and come later."""
     axes: dict[str, dict[Any, Fields]] = {}
-    if campaign.plants:
-        axes["plant"] = {p: {("plant",): p} for p in campaign.plants}
-    if campaign.filters:
-        axes["filter.kind"] = {f: {("filter", "kind"): f} for f in campaign.filters}
+    for role, chosen in parted.items():
+        axes[_name(role)] = {c.name: dict(c.fields) for c in chosen}
     if campaign.variants:
         axes["variant"] = {
             name: {_path(f, f"variants.{name}"): v for f, v in fields.items()}

@@ -46,34 +46,35 @@ class Choice:
 
     name    as tables show it
     fields  of the scenario that it sets, by path
-    part    the user's own part that it names; None for a kind
+    own     whether it names a part of the user's own, of that label
     """
 
     name: str
     fields: Mapping[tuple[str, ...], str]
-    part: NamedPart | None = None
+    own: bool = False
 
 
-def choices(axis: Axis, names: Sequence[str], named: Sequence[NamedPart], where: str) -> list[Choice]:
+def choices(axis: Axis, names: Sequence[str], roles: Mapping[str, str], where: str) -> list[Choice]:
     """What the names of an axis mean, in their order.
 
-    named   the parts that `--parts` brings
+    roles   label -> role of the parts that `--parts` brings
     where   the list, as messages call it
     Raises  UserError for a name that is neither a kind, nor installed, nor brought; or that is listed twice
     """
-    own = {part.label: part for part in named if part.role == axis.role}
+    own = [label for label, role in roles.items() if role == axis.role]
     if not names:
         raise UserError(f"{where}: name at least one {axis.role}")
     found = []
     for name in names:
         if name in own:
-            found.append(Choice(name, {}, own[name]))
+            found.append(Choice(name, {}, own=True))
         elif name in axis.kinds or name in installed.names(axis.role):
             found.append(Choice(name, {axis.field: name}))
         else:
             known = [*axis.kinds, *installed.names(axis.role), *own]
             listed = "; ".join(known) if any("," in n for n in known) else ", ".join(known)
-            raise UserError(f"{where}: there is no {axis.role} {short(name)!r}; there is {listed}")
+            hint = f"there is {listed}, and with --parts FILE.py:NAME one of your own"
+            raise UserError(f"{where}: there is no {axis.role} {short(name)!r}; {hint}")
     twice = [name for name in names if list(names).count(name) > 1]
     if twice:
         raise UserError(f"{where}: {short(twice[0])!r} is listed twice")
@@ -104,3 +105,17 @@ def _with_role(axis: Axis, text: str) -> str:
     except UserError:
         return text if text.startswith(f"{axis.role}=") else f"{axis.role}={text}"
     return text
+
+
+def everywhere(roles: Mapping[str, str], axes: Mapping[str, Sequence[Choice]], where: str) -> list[str]:
+    """Labels of the parts whose role is not varied: they fly in every combination.
+
+    roles   label -> role of the parts that `--parts` brings
+    axes    role -> its choices
+    where   begins the name of the list to be mended, "--" or "campaign: "
+    Raises  UserError for a part whose role is varied and that no list names
+    """
+    for label, role in roles.items():
+        if role in axes and label not in [choice.name for choice in axes[role] if choice.own]:
+            raise UserError(f"--parts {label}: {where}{AXES[role].name} does not name it; add it there")
+    return [label for label, role in roles.items() if role not in axes]

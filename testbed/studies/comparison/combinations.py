@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from testbed.components.choices import AXES, Choice, choices, with_files
+from testbed.components.choices import AXES, Choice, choices, everywhere, with_files
 from testbed.components.components import Parts
 from testbed.components.named_parts import NamedPart
 from testbed.errors import UserError
@@ -47,16 +47,14 @@ def combinations(
     if not wanted and not any(part.role == "plant" for part in named):
         wanted = {"plant": DEFAULT_PLANTS}
     axes: dict[str, list[Choice]] = {}
-    used: set[str] = set()
+    brought = {part.label: part for part in named}
     for role, axis in AXES.items():
         if role in wanted:
             names, more = with_files(axis, wanted[role], named)
-            axes[role] = choices(axis, names, [*named, *more], f"--{axis.name}")
-            used |= {c.part.label for c in axes[role] if c.part is not None}
-    everywhere = [part for part in named if part.role not in axes]
-    for part in named:
-        if part.role in axes and part.label not in used:
-            raise UserError(f"--parts {part.label}: --{AXES[part.role].name} does not name it; add it there")
+            brought |= {part.label: part for part in more}
+            roles = {label: part.role for label, part in brought.items()}
+            axes[role] = choices(axis, names, roles, f"--{axis.name}")
+    always = everywhere({label: part.role for label, part in brought.items()}, axes, "--")
     products = list(itertools.product(*axes.values()))
     if len(products) > MOST:
         raise UserError(f"{len(products)} combinations are more than {MOST}; compare fewer at a time")
@@ -66,8 +64,8 @@ def combinations(
         for name, chosen in labelled.items()
     }
     made = load_changed(source, overrides, fields)
-    own = {name: [c.part for c in chosen if c.part is not None] for name, chosen in labelled.items()}
-    parts = {name: [*everywhere, *of] for name, of in own.items()}
+    own = {name: [*always, *(c.name for c in chosen if c.own)] for name, chosen in labelled.items()}
+    parts = {name: [brought[part] for part in of] for name, of in own.items()}
     if len(made) == 1:  # nothing varies: its plant tells what it is
         (s,) = made.values()
         plant = next((part.label for of in parts.values() for part in of if part.role == "plant"), s.plant)
