@@ -59,7 +59,7 @@ class NamedPart:
     def target(self) -> Any:
         """The class or function. Raises UserError where its file cannot be imported."""
         if isinstance(self.source, Installed):
-            return self.source.loaded
+            return self.source.loaded()
         return _attribute(self.source, self.name)
 
 
@@ -89,7 +89,7 @@ def only(named: Sequence[NamedPart], *allowed: str, where: str) -> None:
 def _read(said: spelling.Written, files: dict[str, Source]) -> NamedPart:
     if said.file is None:
         found = installed.find(said.name, said.role)
-        return _checked(said, found.loaded, found.role, found.attribute, found)
+        return _checked(said, found.loaded(), found.role, found.attribute, found)
     if said.file not in files:
         files[said.file] = source.read(said.file)
     file = files[said.file]

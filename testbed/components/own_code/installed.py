@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ class Installed:
         """The source file of its module; None where it has none."""
         return _origin(self.module_name)
 
-    @cached_property
+    @lru_cache(maxsize=64)  # noqa: B019 - a few parts, which are data
     def loaded(self) -> Any:
         """The class or function, imported. UserError if that fails, or its sources are others than found."""
         here = sources_sha256(self.module_name)
@@ -72,11 +72,7 @@ def find(name: str, role: str | None = None) -> Installed:
     if not found:
         known = sorted({n for r in roles for n in names(r)})
         what = f"{role} " if role else "part "
-        listed = (
-            nearest(name, known)
-            if known
-            else "no package installed here has any; FILE.py:NAME names a file's"
-        )
+        listed = nearest(name, known) if known else "no package here offers any; FILE.py:NAME names a file's"
         raise UserError(f"no {what}{short(name)!r} is installed; {listed}")
     if len({r for r, _ in found}) > 1:
         which = " or ".join(r for r, _ in found)

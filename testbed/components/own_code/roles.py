@@ -181,11 +181,9 @@ def _check_methods(target: Any, where: str, role: str) -> None:
 def _lacks(target: Any, role: str) -> list[str]:
     """Methods of a role that instances of a class do not have."""
 
-    def has(name: str) -> bool:
-        found = inspect.getattr_static(target, name, None)
-        return callable(found) or isinstance(found, staticmethod | classmethod | property)
-
-    return [name for name in METHODS[role] if not has(name)]
+    # Not those of its metaclass: every class can be called.
+    own = {name for base in target.__mro__ for name, value in vars(base).items() if value is not None}
+    return [name for name in METHODS[role] if name not in own]
 
 
 def _is_function(target: Any) -> bool:
