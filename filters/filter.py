@@ -103,6 +103,11 @@ class MonitorRecord:
     cost_limited: float = 0.0
     checks: dict[str, Check] = field(default_factory=dict)
 
+    @property
+    def compares(self) -> bool:
+        """Whether it compares the costs of two QPs."""
+        return "cheaper" in self.checks
+
 
 @dataclass(frozen=True)
 class Declaration:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import testbed
 from aircraft.kinematic import KinematicFleet, Lag
 from filters.flow.channels import Channels
 from filters.flow.flow_filter import FlowFilter
 from filters.flow.rollout import Flow
 from filters.flow.separation import samples
 from filters.model import Command, Limits, State, View, step
+from testbed.scenario.scenario import Scenario, load
+from testbed.verification.check import check
 
 # The X8's identified channels.
 LAGS = (Lag(0.32, 0.159, -1.76, 3.55), Lag(0.217, 0.083, -0.598, 0.598), Lag(0.147, 0.137, -6.57, 10.9))
@@ -254,3 +260,62 @@ def test_a_pose_that_is_no_number_is_refused() -> None:
     state = State.of([[0.0, np.nan, 0.0, 0.0], [60.0, 0.0, np.pi, 0.0]])
     with pytest.raises(ValueError, match="finite"):
         chosen(View(state, rates), rates, limits)
+
+
+def encounter(**fields: object) -> Scenario:
+    """Two vehicles of the paper's head-on encounter under the flow filter, at 20 Hz."""
+    said = {
+        "filter.kind": "flow",
+        "plant": "lagged",
+        "lags.source": "airframe",
+        "guidance.lookahead_m": 10,
+        "rates.filter_dt_s": 0.05,
+        "rates.record_dt_s": 0.05,
+        "duration_s": 12,
+        "manoeuvre_instants": 0,
+    } | fields
+    return load("paper-2-turn", [f"{k}={json.dumps(v)}" for k, v in said.items()])
+
+
+def test_a_scenario_flies_it_and_its_own_claims_are_judged(tmp_path: Path) -> None:
+    run = testbed.run(encounter(), out=tmp_path / "run")
+    verdicts = {v.id: v for v in run.guarantees}
+    assert verdicts["separation"].value >= 5.0 - 0.02
+    assert verdicts["monitor-flow_clear"].number == "F1" and verdicts["monitor-flow_clear"].status == "holds"
+    assert verdicts["monitor-flow_step"].number == "F2" and verdicts["monitor-flow_step"].status == "holds"
+    # What rests on the paper's barrier it did not promise: measured, not judged.
+    for name in ("safe-set", "barrier-condition"):
+        assert verdicts[name].status == "not applicable" and verdicts[name].value is not None
+        assert verdicts[name].why == "not this filter's claim"
+    found = check(tmp_path / "run")
+    assert all(f.agrees is not False for f in found.findings), [
+        f for f in found.findings if f.agrees is False
+    ]
+
+
+def test_forged_words_of_its_claims_are_named(tmp_path: Path) -> None:
+    from tests.forgery import edit_entry
+
+    testbed.run(encounter(duration_s=1), out=tmp_path / "run")
+    edit_entry(tmp_path / "run", "monitor-flow_clear", verdict="violated")
+    assert any(f.agrees is False for f in check(tmp_path / "run").findings)
+
+
+@pytest.mark.parametrize(
+    "fields, said",
+    [
+        ({"filter.kappa": 0.0}, "filter.kappa"),
+        ({"filter.margin_m": -1.0}, "filter.margin_m"),
+        ({"filter.monitor": True}, "filter.monitor"),
+        ({"remedy.ds_buffer_m": 1.0}, "remedy.ds_buffer_m: filter 'flow' cannot take it"),
+    ],
+)
+def test_what_it_cannot_take_is_refused(fields: dict[str, object], said: str) -> None:
+    with pytest.raises(testbed.UserError, match=said):
+        encounter(**fields)
+
+
+def test_a_barrier_without_a_circle_is_refused() -> None:
+    straight = load("paper-2-straight", ['filter.kind="flow"', 'plant="lagged"'])
+    with pytest.raises(testbed.UserError, match="one turn rate for all, not zero"):
+        testbed.run(straight)

@@ -1,4 +1,4 @@
-"""Turns what the theorem monitor recorded into verdicts."""
+"""Turns what a filter recorded of its own claims into verdicts: the theorem monitor, and the flow filter."""
 
 from __future__ import annotations
 
@@ -6,11 +6,17 @@ import numpy as np
 
 from filters.cbf.theorem_monitor import theorem_checks
 from filters.filter import MonitorRecord
-from testbed.claims.registry import check_claim
+from filters.flow.flow_filter import flow_checks
+from testbed.claims.registry import check_claim, check_id
 from testbed.records.verdict import Status, Verdict
 from testbed.scenario.scenario import Scenario
 
 MONITORED = tuple(check_claim(name, check.claim) for name, check in theorem_checks().items())
+OF_THE_FLOW = tuple(
+    check_claim(name, check.claim, f"F{k}", "the flow filter's own theorem, docs/guide/flow.md")
+    for k, (name, check) in enumerate(flow_checks().items(), 1)
+)
+RECORDED = {claim.id: claim for claim in (*MONITORED, *OF_THE_FLOW)}
 # Of the monitor's checks, those that are premises of a theorem, not conclusions: one that fails violates
 # nothing.
 PREMISES = ("aligned", "aligned_limited", "gradient")
@@ -20,7 +26,7 @@ def monitored(record: MonitorRecord, s: Scenario) -> list[Verdict]:
     """One verdict per check of a monitored run of `s`."""
     verdicts = []
     for name, check in record.checks.items():
-        v = check_claim(name, check.claim).unjudged(s.barrier.form, s.goal_radius_m)
+        v = RECORDED[check_id(name)].unjudged(s.barrier.form, s.goal_radius_m)
         if not check.checked:
             verdicts.append(v.but(why="never met"))
             continue

@@ -6,7 +6,7 @@ by that barrier, its alpha and its rows; claims that rest on the scenario's barr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 
@@ -62,6 +62,14 @@ def _declared_rows(statistics: RunStatistics, v: Verdict, end: str | None, other
     return premise_not_met(v, others) if others else decide(v, True, end)
 
 
+def excused(verdicts: Sequence[Verdict], claims: Container[str]) -> list[Verdict]:
+    """The verdicts, those on `claims` (ids) measured and not judged."""
+    return [
+        v.but(status=Status.NOT_APPLICABLE, why=registry.NOT_ITS_CLAIM) if v.id in claims else v
+        for v in verdicts
+    ]
+
+
 def judged_by_its_own(
     verdicts: Sequence[Verdict],
     s: Scenario,
@@ -74,11 +82,7 @@ def judged_by_its_own(
 
     i, j  (P,) vehicles of each pair, from 0
     """
-    others = {claim.id for claim in registry.OF_THE_PAPERS_BARRIER}
-    kept = [
-        v.but(status=Status.NOT_APPLICABLE, why=registry.NOT_ITS_CLAIM) if v.id in others else v
-        for v in verdicts
-    ]
+    kept = excused(verdicts, registry.excused(declared=True, flow=False))
     own, (safe, condition, own_rows) = (
         statistics.own,
         (claim.unjudged(s.barrier.form, s.goal_radius_m) for claim in registry.OWN),

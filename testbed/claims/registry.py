@@ -245,6 +245,19 @@ OF_THE_PAPERS_BARRIER = (
     FENCE_SAFE_SET,
 )
 NOT_ITS_CLAIM = "not this filter's claim"
+
+
+def excused(declared: bool, flow: bool) -> frozenset[str]:
+    """Ids of the claims that a filter did not make: one with a barrier of its own, or the flow filter.
+
+    G6 of the first is measured; the flow filter has no rows of this kind at all.
+    """
+    if not (declared or flow):
+        return frozenset()
+    kept = {ROWS_SATISFIED.id} if flow else set()
+    return frozenset({claim.id for claim in OF_THE_PAPERS_BARRIER} - kept)
+
+
 CLAIMS = {
     claim.id: claim for claim in (*PREMISES, *GUARANTEES, *INTRUDERS, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)
 }
@@ -263,7 +276,7 @@ def check_id(name: str) -> str:
     return f"monitor-{name}"
 
 
-def check_claim(name: str, text: str) -> Claim:
-    """The claim that a check `name` of a theorem monitor makes; a unit stands in brackets behind its text."""
+def check_claim(name: str, text: str, number: str = "M", source: str = "Theorems 3 and 4") -> Claim:
+    """The claim that a check `name` inside a filter makes; a unit stands in brackets behind its text."""
     claim, _, unit = text.rstrip("]").partition(" [")
-    return Claim(check_id(name), "M", Kind.MONITOR, claim, "Theorems 3 and 4", "smallest seen", unit)
+    return Claim(check_id(name), number, Kind(number[0]), claim, source, "smallest seen", unit)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from math import radians
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,22 +11,19 @@ import numpy as np
 from aircraft.kinematic import Lag
 from aircraft.plant import Plant
 from filters.barriers.class_k import OddPolynomial, cubic, linear
-from filters.barriers.closed_form import StraightBarrier, TurnBarrier
-from filters.barriers.euclidean import EuclideanBarrier
 from filters.barriers.pairs import Barrier, ForwardDifference
-from filters.barriers.per_pair import PerPair
 from filters.cbf.collision import CollisionFilter, Passthrough
 from filters.cbf.fence_constraints import FenceConstraints
 from filters.cbf.intruders import Intruders
 from filters.cbf.theorem_monitor import Monitor
 from filters.filter import Choose, Filter
-from filters.model import Array, Command, Limits
+from filters.model import Array, Limits
 from testbed.components import remedies
+from testbed.components.barriers import MAKERS
 from testbed.components.fences import fences
 from testbed.components.guidance import Constant, Guidance, NearIdentity
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
-from testbed.scenario import barrier as scenario_barrier
 from testbed.scenario import control, fleet
 from testbed.scenario import guidance as scenario_guidance
 from testbed.scenario.location import path_of, relative
@@ -48,57 +44,6 @@ def limits(s: Scenario) -> Limits:
     )
 
 
-def _turn(b: scenario_barrier.Turn, s: Scenario) -> Barrier:
-    return TurnBarrier(
-        v=b.v_mps,
-        omega=radians(b.omega_degps),
-        d_safe=s.d_safe_m,
-        delta=b.delta_m2,
-        sigma=_per_vehicle(b.sigma, s),
-        form=b.form,
-        smoothing=b.smoothing_m2,
-    )
-
-
-def _pair_turns(b: scenario_barrier.PairTurns, s: Scenario) -> Barrier:
-    return PerPair(
-        tuple(
-            TurnBarrier(p.v_mps, radians(p.omega_degps), s.d_safe_m, b.delta_m2, form=b.form) for p in b.pairs
-        )
-    )
-
-
-def _straight(b: scenario_barrier.Straight, s: Scenario) -> Barrier:
-    speeds = b.v_mps * (1.0 + b.speed_step * np.arange(1, s.vehicles + 1))
-    return StraightBarrier(speeds, _per_vehicle(b.zeta_mps, s), s.d_safe_m, b.form)
-
-
-def _rollout(b: scenario_barrier.Rollout, s: Scenario) -> Barrier:
-    from filters.barriers.rollout import RolloutBarrier
-
-    m = b.manoeuvres * (s.vehicles if len(b.manoeuvres) == 1 else 1)
-    v, omega, zeta = np.array([[q.v_mps, q.omega_degps, q.zeta_mps] for q in m]).T
-    return RolloutBarrier(Command(v, np.radians(omega), zeta), s.d_safe_m, form=b.form)
-
-
-def _euclidean(b: scenario_barrier.Euclidean, s: Scenario) -> Barrier:
-    # The Euclidean distance needs no manoeuvre; a vehicle whose QP has no solution flies this turn.
-    return EuclideanBarrier(s.d_safe_m, b.form, gamma=Command.of([b.v_mps, radians(b.omega_degps), 0.0]))
-
-
-def _per_vehicle(values: float | list[float], s: Scenario) -> Array:
-    return np.resize(np.asarray(values, dtype=float), s.vehicles)
-
-
-BARRIERS: dict[type, Callable[..., Barrier]] = {
-    scenario_barrier.Turn: _turn,
-    scenario_barrier.PairTurns: _pair_turns,
-    scenario_barrier.Straight: _straight,
-    scenario_barrier.Rollout: _rollout,
-    scenario_barrier.Euclidean: _euclidean,
-}
-
-
 def barrier(s: Scenario) -> Barrier:
     """The barrier as the scenario states it, which verdicts use.
 
@@ -106,7 +51,7 @@ def barrier(s: Scenario) -> Barrier:
     """
     try:
         table = fleet.barrier(s)
-        return BARRIERS[type(table)](table, s)
+        return MAKERS[type(table)](table, s)
     except ValueError as error:
         raise UserError(f"barrier: {error}") from None
 
@@ -167,6 +112,26 @@ def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
     )
 
 
+def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    from filters.flow.flow_filter import FlowFilter
+
+    said = s.filter
+    if said.kind != "flow":
+        raise ValueError(f"filter {said.kind!r} is no flow filter")
+    for what, there in (("fences", bool(s.fence)), ("intruders", bool(fleet.intruders(s)))):
+        if there:
+            raise UserError(f"filter.kind: 'flow' knows no {what}; 'centralised' and 'limited' do")
+    gamma = b.manoeuvre(s.vehicles)
+    if gamma is None:
+        raise UserError("filter.kind: 'flow' needs one evading manoeuvre, and this barrier has none for all")
+    try:
+        return FlowFilter(
+            lags(s), gamma, s.d_safe_m, s.rates.filter_dt_s, said.margin_m, said.kappa, said.cost
+        )
+    except ValueError as error:
+        raise UserError(f"filter: {error}") from None
+
+
 def _passthrough(s: Scenario, b: Barrier, goal: Array) -> Filter:
     return Passthrough()
 
@@ -175,6 +140,7 @@ FILTERS: dict[str, Callable[[Scenario, Barrier, Array], Filter]] = {
     "centralised": _collision,
     "limited": _collision,
     "navigation": _navigation,
+    "flow": _flow,
     "none": _passthrough,
 }
 
@@ -276,7 +242,9 @@ def airframe_hashes(s: Scenario, loaded: Sequence[Any] = ()) -> dict[str, str]:
 
     loaded  `airframes(s)`, where they have been loaded
     """
-    lags = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
+    lags = s.lags.source == "airframe" and (
+        s.plant == "lagged" or s.remedy.predict_lags or s.filter.kind == "flow"
+    )
     if s.plant != "jsbsim" and not lags:
         return {}
     known = {airframe.name: airframe for airframe in loaded or airframes(s)}

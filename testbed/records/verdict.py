@@ -16,6 +16,7 @@ class Kind(Enum):
     GUARANTEE = "G"
     OWN = "O"
     MONITOR = "M"
+    FLOW = "F"
 
 
 class Status(StrEnum):

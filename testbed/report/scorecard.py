@@ -21,7 +21,11 @@ LOOKS = {
     Status.OPEN: ("?", OPEN),
 }
 PREMISES = "Premises: if one is not met, what rests on it is not shown"
-HEADINGS = {Kind.PREMISE: PREMISES, Kind.OWN: "What a filter of the user's own promises by its declaration"}
+HEADINGS = {
+    Kind.PREMISE: PREMISES,
+    Kind.OWN: "What a filter of the user's own promises by its declaration",
+    Kind.FLOW: "What the flow filter's own theorem says",
+}
 GUARANTEES = "Guarantees"
 
 

@@ -36,6 +36,21 @@ class NavigationFunction(Section):
     kind: Literal["navigation"]
 
 
+class Flow(Section):
+    """One QP per vehicle, whose barrier is along the flow of a model with lags: see the guide, flow.md."""
+
+    kind: Literal["flow"]
+    margin_m: NonNegative = Field(
+        default=0.0, description="the flow keeps Ds and this: what the model misses"
+    )
+    kappa: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.1, description="share of the clearance on the flow that one filter period may use up"
+    )
+    cost: Literal["range", "raw"] = Field(
+        default="range", description="range divides what each channel is changed by through its range"
+    )
+
+
 class NoFilter(Section):
     """Guidance flown as it is."""
 
@@ -51,11 +66,18 @@ class InstalledFilter(Section):
 FILTERS = Kinds(
     "kind",
     "centralised",
-    {"centralised": Centralised, "limited": Limited, "navigation": NavigationFunction, "none": NoFilter},
+    {
+        "centralised": Centralised,
+        "limited": Limited,
+        "navigation": NavigationFunction,
+        "flow": Flow,
+        "none": NoFilter,
+    },
     {
         "centralised": "the centralised filter",
         "limited": "the limited filter",
         "navigation": "the navigation function, which solves no QP",
+        "flow": "the flow filter",
         "none": "filter 'none', which solves no QP",
     },
     role="filter",
@@ -65,6 +87,7 @@ Filter = Annotated[
     Annotated[Centralised, Tag("centralised")]
     | Annotated[Limited, Tag("limited")]
     | Annotated[NavigationFunction, Tag("navigation")]
+    | Annotated[Flow, Tag("flow")]
     | Annotated[NoFilter, Tag("none")]
     | Annotated[InstalledFilter, Tag(INSTALLED)],
     Discriminator(FILTERS.tag),

@@ -53,12 +53,17 @@ def _errs(s: Contents, *kinds: str) -> bool:
 
 
 def _knows_airframes(s: Contents) -> bool:
-    lags = s.lags.source == "airframe" and (s.plant == "lagged" or s.remedy.predict_lags)
+    lags = s.lags.source == "airframe" and (s.plant == "lagged" or _models_lags(s))
     return s.plant == "jsbsim" or lags or _own_plant(s)
 
 
 def _knows_lags(s: Contents) -> bool:
-    return s.plant == "lagged" or _own_plant(s) or (s.remedy.predict_lags and s.plant != "jsbsim")
+    return s.plant == "lagged" or _own_plant(s) or (_models_lags(s) and s.plant != "jsbsim")
+
+
+def _models_lags(s: Contents) -> bool:
+    """Whether the filter knows how the vehicles' channels lag."""
+    return s.remedy.predict_lags or s.filter.kind == "flow"
 
 
 def _late(s: Contents) -> bool:
@@ -155,8 +160,8 @@ RULES = (
     Rule(
         ("lags.*",),
         _knows_lags,
-        "plant {plant!r} has no such lags; plant = 'lagged' takes it, and so does remedy.predict_lags = true"
-        " on any plant but 'jsbsim'",
+        "plant {plant!r} has no such lags; plant = 'lagged' takes it, and so do remedy.predict_lags = true"
+        " and filter.kind = 'flow' on any plant but 'jsbsim'",
     ),
     Rule(
         ("wind.towards_deg",),

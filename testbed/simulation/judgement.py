@@ -69,9 +69,12 @@ def judge(
     if made and isinstance(made.filter, OwnFilter) and made.filter.declared:
         manifest["declared"] = made.filter.declared
         verdicts = own_filter.judged_by_its_own(verdicts, s, statistics, setting.i, setting.j, end)
+    elif s.filter.kind == "flow" and "filter" not in own:
+        verdicts = own_filter.excused(verdicts, registry.excused(declared=False, flow=True))
     record = declaration(made.filter).record if made else None
     if record is not None:
         verdicts += monitored(record, s)
+    if record is not None and record.compares:
         manifest["qp_cost"] = {
             "steps": record.compared,
             "centralised": record.cost,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbed.claims import registry
-from testbed.claims.monitored import MONITORED
+from testbed.claims.monitored import MONITORED, OF_THE_FLOW
 from testbed.errors import UserError
 from testbed.verification.columns import columns
 from testbed.verification.coverage import Uncovered, uncovered
@@ -102,6 +102,8 @@ def _entries(run: Recorded) -> Finding:
         claims += registry.OWN
     if s["filter"].get("monitor") and "filter" not in run.parts and s["filter"]["kind"] in SOLVING:
         claims += MONITORED
+    if s["filter"]["kind"] == "flow" and "filter" not in run.parts:
+        claims += OF_THE_FLOW
     due = {claim.id: claim.number for claim in claims}
     said = [(e["id"], e["number"]) for e in run.entries]
     odd = sorted(

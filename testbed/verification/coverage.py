@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from testbed.claims.monitored import MONITORED
+from testbed.claims.monitored import RECORDED
 from testbed.claims.registry import CLAIMS, COMMAND_LIMITS
 from testbed.verification.coverage_table import (
     DETAILS,
@@ -26,7 +26,7 @@ from testbed.verification.coverage_table import (
 from testbed.verification.finding import Finding
 from testbed.verification.recorded import Recorded
 
-REGISTERED = CLAIMS | {claim.id: claim for claim in MONITORED}
+REGISTERED = CLAIMS | RECORDED
 SURFACE = Checked((), "no formula gives the surfaces")
 
 

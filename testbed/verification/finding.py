@@ -139,9 +139,9 @@ class Judge:
 
     @property
     def excused(self) -> bool:
-        """Whether the claim rests on the scenario's barrier, and the filter declares one of its own."""
-        claims = registry.OF_THE_PAPERS_BARRIER
-        return bool(self.run.declared) and self.entry["id"] in {claim.id for claim in claims}
+        """Whether the claim rests on the scenario's barrier, and the filter has one of its own."""
+        flow = self.run.scenario["filter"]["kind"] == "flow" and "filter" not in self.run.parts
+        return self.entry["id"] in registry.excused(bool(self.run.declared), flow)
 
     @property
     def _is_premise(self) -> bool:

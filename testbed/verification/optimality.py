@@ -18,6 +18,7 @@ from testbed.verification.solutions import asked_of_one, rows_of_fences
 LOOKED = 2000
 # A change that is the filter's doing; how near a solution is known, largest seen 2e-11 [m/s, rad/s].
 OVERRIDE, SOLVED_TO = 1e-6, 1e-6
+FLOW = "the flow of the model is not computed again"
 # Slack of a row divided by its norm below which it is touched [m/s].
 TOUCHED = 1e-6
 
@@ -31,8 +32,8 @@ def minimal(rows: Rows) -> Finding:
     said = f"{int((change > OVERRIDE).sum())} altered"
     if "filter" in run.parts:
         return Finding("minimal", said, "unknown", None, None, "the filter was not the scenario's")
-    if s["filter"]["kind"] == "navigation":
-        why = "the navigation function is not computed again"
+    if (kind := s["filter"]["kind"]) in ("navigation", "flow"):
+        why = "the navigation function is not computed again" if kind == "navigation" else FLOW
         return Finding("minimal", said, "unknown", None, None, why)
     altered = change > OVERRIDE
     if not rows.solves or not (run.i.size or run.fences):

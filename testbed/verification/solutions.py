@@ -35,7 +35,7 @@ def _statuses(rows: Rows) -> Finding:
     """Every QP has a known status; vehicles whose QP had no solution flew the evading manoeuvre."""
     run, s = rows.run, filters_own(rows.s)
     status = run.vehicles["qp_status"]
-    known = ["solved", *FAILED] if rows.solves else ["none"]
+    known = ["solved", *FAILED] if rows.solves or s["filter"]["kind"] == "flow" else ["none"]
     known += ["none"] if "filter" in run.parts else []
     odd = int((~np.isin(status, known)).sum())
     failed, lost = np.isin(status, FAILED), 0

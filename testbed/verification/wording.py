@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.claims import registry
-from testbed.claims.monitored import MONITORED
+from testbed.claims.monitored import RECORDED
 from testbed.claims.registry import Claim
 from testbed.verification import coverage
 from testbed.verification.air import blows
@@ -30,7 +30,7 @@ def wording(run: Recorded) -> Iterator[Finding]:
 
 def _texts(run: Recorded) -> Finding:
     """Number, claim, source, quantity and unit of every entry are the registry's."""
-    known = registry.CLAIMS | {claim.id: claim for claim in MONITORED}
+    known = registry.CLAIMS | RECORDED
     wrong = []
     for e in run.entries:
         claim = known.get(e["id"])
