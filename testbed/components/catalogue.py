@@ -116,7 +116,7 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
     from filters.flow.flow_filter import FlowFilter
 
     said = s.filter
-    if said.kind != "flow":
+    if not isinstance(said, control.Flow):
         raise ValueError(f"filter {said.kind!r} is no flow filter")
     for what, there in (("fences", bool(s.fence)), ("intruders", bool(fleet.intruders(s)))):
         if there:
