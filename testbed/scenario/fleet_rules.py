@@ -22,6 +22,8 @@ def check_tables(s: Contents) -> None:
         raise ValueError("vehicle: every vehicle is an intruder (filter = false); leave one under the filter")
     if lost and getattr(s.filter, "monitor", False):
         raise ValueError("filter.monitor: it checks theorems that do not cover intruders; set it to false")
+    if lost and isinstance(s.barrier, PairTurns):
+        raise ValueError("barrier.shared: intruders need a manoeuvre of each vehicle; set it to true")
     if lost and s.remedy.air_mass and s.intruders.assume == "nothing":
         raise ValueError(
             "intruders.assume: 'nothing' bounds an intruder over the ground, and remedy.air_mass filters in"

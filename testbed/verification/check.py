@@ -8,12 +8,13 @@ lead to is reproduced, any other is open.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from testbed.claims import registry
 from testbed.claims.monitored import MONITORED, OF_THE_FLOW
 from testbed.errors import UserError
+from testbed.verification import fleet
 from testbed.verification.columns import columns
 from testbed.verification.coverage import Uncovered, uncovered
 from testbed.verification.fence_claims import Fenced, without_fences
@@ -23,7 +24,7 @@ from testbed.verification.future import Pose, fly_on
 from testbed.verification.manoeuvre_claim import manoeuvre_keeps
 from testbed.verification.monitor_claims import monitored
 from testbed.verification.own_claims import declared
-from testbed.verification.pair_claims import SOLVING, Pairs
+from testbed.verification.pair_claims import OF_PAIRS, SOLVING, Pairs
 from testbed.verification.path_bounds import PathBounds
 from testbed.verification.path_claims import PathClaims
 from testbed.verification.premise_claims import premises
@@ -31,14 +32,6 @@ from testbed.verification.recorded import Recorded, read
 from testbed.verification.rows import Rows
 from testbed.verification.solutions import solutions
 from testbed.verification.wording import wording
-
-OF_PAIRS = (
-    registry.GRADIENT,
-    registry.OFF_THE_KINK,
-    registry.SAFE_SET,
-    registry.BARRIER_CONDITION,
-    registry.ZCBF_CONDITION,
-)
 
 
 def verify(folder: Path) -> list[Finding]:
@@ -56,8 +49,9 @@ class Checked:
 
 def check(folder: Path) -> Checked:
     """As `verify`, with everything in the folder that no finding decided."""
-    run = read(folder)
     try:
+        run = read(folder)
+        run = replace(run, scenario=fleet.lowered(run.scenario))
         findings = list(_findings(run))
         return Checked(findings, uncovered(run, findings))
     except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
@@ -77,13 +71,14 @@ def _findings(run: Recorded) -> Iterator[Finding]:
     yield from columns(run, paths, pairs, rows)
     yield from fenced.table() if fenced else ()
     judged = [
-        *premises(run, pairs, fenced),
+        *premises(run, pairs and pairs.among("judged"), fenced),
         *(pairs.findings() if pairs is not None else _without_pairs(run)),
     ]
     judged += [*PathClaims(run, paths).findings(), *filtering(rows, fenced), *solutions(rows), *declared(run)]
     judged += fenced.findings() if fenced else without_fences(run)
     if (g9 := run.guarantees.get(registry.MANOEUVRE_KEEPS_DS.id)) is not None:
-        judged.append(manoeuvre_keeps(pairs, Judge(run, g9)))
+        some = fleet.among(run, fleet.which(run, "ours")) if fleet.strangers(run.scenario) else run
+        judged.append(manoeuvre_keeps(pairs and pairs.among("ours"), Judge(some, g9)))
     # In the registry's order; what is no claim after it.
     order = {f"{claim.number} {claim.id}": k for k, claim in enumerate(registry.CLAIMS.values())}
     yield from sorted(judged, key=lambda f: order.get(f.what, len(order)))
@@ -98,6 +93,8 @@ def _entries(run: Recorded) -> Finding:
         claims += registry.FENCES
     if s["checks"]["manoeuvre_instants"] and not run.ended:
         claims.append(registry.MANOEUVRE_KEEPS_DS)
+    if fleet.strangers(s):
+        claims += registry.INTRUDERS
     if run.declared:
         claims += registry.OWN
     if s["filter"].get("monitor") and "filter" not in run.parts and s["filter"]["kind"] in SOLVING:

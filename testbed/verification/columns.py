@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from testbed.verification import fleet
 from testbed.verification.air import all_gusts, wind
 from testbed.verification.finding import Finding, compared
 from testbed.verification.future import Pose, manoeuvre
@@ -42,6 +43,8 @@ def columns(run: Recorded, paths: PathBounds, pairs: Pairs | None, rows: Rows) -
     if not set(run.parts) & {"nominal", "disturbance"} and knows_itself(run.scenario):
         yield from _nominal(run)
     yield from _override(run)
+    if fleet.strangers(run.scenario):
+        yield _intruders(run)
     yield minimal(rows)
     yield from wind(run)
     yield from telemetry(run)
@@ -92,7 +95,7 @@ def _start(run: Recorded) -> Iterator[Finding]:
     aircraft = run.scenario["plant"] == "jsbsim"
     yield compared("start", np.zeros_like(off), off, START[aircraft])
     if run.scenario["plant"] != "unicycle":
-        speed = np.full(theta.shape, run.scenario["start"]["speed_mps"])
+        speed = fleet.said(run.scenario, "speed_mps", run.scenario["start"]["speed_mps"])
         yield compared("start-speed", run.vehicles["v_mps"][0], speed, START[aircraft] * 10)
 
 
@@ -157,6 +160,16 @@ def _override(run: Recorded) -> Iterator[Finding]:
         yield compared("override_share", shares, said.mean(axis=0), 1e-9)
 
 
+def _intruders(run: Recorded) -> Finding:
+    """Intruders fly what they want inside their limits, and no QP stands behind it."""
+    who = ~fleet.under(run.scenario)
+    off = np.abs(run.command - np.clip(run.channels("_nominal"), *box(run.scenario))).max(axis=-1)[:, who]
+    odd = int((run.vehicles["qp_status"][:, who] != "none").sum())
+    wrong = [f"{int((off > 0.0).sum())} commands are altered"] if off.max(initial=0.0) > 0.0 else []
+    wrong += [f"{odd} have a QP status"] if odd else []
+    return Finding("intruders", f"{int(who.sum())} vehicles", "as wanted", not wrong, None, "; ".join(wrong))
+
+
 def _course(run: Recorded) -> Finding:
     """Turn rates are the rates at which courses turn, as far as both are resolved."""
     theta, omega, dt = run.vehicles["theta_rad"], run.vehicles["omega_radps"], np.diff(run.t)[:, None]
@@ -164,13 +177,13 @@ def _course(run: Recorded) -> Finding:
     if unicycle(run):
         if run.complete:
             return compared("course", omega[1:], turned, 1e-9 / dt + 1e-9 * np.abs(turned))
-        off = np.ptp(np.stack(box(run.scenario))[:, 1]) + np.zeros_like(turned)
+        off = np.ptp(np.stack(box(run.scenario))[..., 1]) + np.zeros_like(turned)
         return compared("course", 0.5 * (omega[1:] + omega[:-1]), turned, off)
     change = np.abs(np.diff(omega, axis=0))
     padded = np.concatenate([change[:1], change, change[-1:]])
     around = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
     if not resolved(run):
-        around = around + np.ptp(np.stack(box(run.scenario))[:, 1])
+        around = around + np.ptp(np.stack(box(run.scenario))[..., 1])
     within = TURN_RADPS[run.scenario["plant"] == "jsbsim"] + PER_GUST_RADPS * all_gusts(run.scenario)
     return compared("course", 0.5 * (omega[1:] + omega[:-1]), turned, around + within)
 

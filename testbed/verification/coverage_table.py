@@ -141,6 +141,7 @@ FIELDS = {
 }
 DETAILS = {
     registry.SEPARATION.id: {"between_steps_m": _OWN, "possible_m": _OWN},
+    registry.SEPARATION_INTRUDERS.id: {"between_steps_m": _OWN, "possible_m": _OWN},
     registry.QP_FEASIBILITY.id: {"infeasible": _OWN, "iteration_limit": _OWN, "in_safe_set": _OWN},
     registry.COMMAND_LIMITS.id: {
         "achieved_v_mps": _OWN,
@@ -162,7 +163,7 @@ DETAILS = {
 def _reached(run: Recorded, name: str) -> bool:
     """Whether a command was at that limit."""
     channel = ("v", "omega", "zeta").index(name.partition("_")[0])
-    low, high = (corner[channel] for corner in box(run.scenario))
+    low, high = (corner[:, channel] for corner in box(run.scenario))
     at_low, at_high = (np.any(np.abs(run.command[..., channel] - end) < 1e-9) for end in (low, high))
     return bool(at_low if "min" in name else at_high if name.startswith("v") else at_low or at_high)
 
@@ -210,6 +211,8 @@ SCENARIO = {
     "barrier.": _by("h_m", otherwise="a manoeuvre that is not flown here"),
     "alpha.": _by("G3 barrier-condition", otherwise="h is not known"),
     "fence": _by("fence_h_m", "clearance_m"),
+    "vehicle": _by("start", otherwise="the plant was not the scenario's"),
+    "intruders.": replace(_ROWS, needs=_altered),
     "navigation.": _no("the navigation function is not computed again"),
     "checks.": _by("G9 manoeuvre-keeps-Ds", "entries"),
     "lags.": _no("lags are not computed again"),

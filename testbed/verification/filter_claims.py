@@ -8,6 +8,7 @@ import numpy as np
 
 from testbed.claims import registry
 from testbed.records.verdict import Status
+from testbed.verification import fleet
 from testbed.verification.fence_claims import Fenced
 from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.pair_claims import H_ALLOWED
@@ -88,7 +89,8 @@ def _safe(rows: Rows, fenced: Fenced | None) -> tuple[Array, Array]:
         surely, maybe = np.all(fenced.h >= wrong, axis=1), np.all(fenced.h >= -wrong, axis=1)
     if rows.pairs is None:
         return np.asarray(surely & (rows.run.i.size == 0)), maybe
-    h, off = rows.pairs.now.h, rows.pairs.now.off + H_ALLOWED
+    now = rows.pairs.among("judged").now
+    h, off = now.h, now.off + H_ALLOWED
     return surely & np.all(h >= off, axis=1), maybe & np.all(h >= -off, axis=1)
 
 
@@ -141,7 +143,7 @@ def _satisfied(rows: Rows, judge: Judge) -> Finding:
         )
     assert rows.pairs is not None
     left, off = rows.left
-    counts = rows.solved[:, run.i] & rows.solved[:, run.j]
+    counts = rows.answered[:, run.i] & rows.answered[:, run.j] & fleet.which(run, "judged")
     floor = None if run.complete else -np.inf
     seen = Values.of(run.t, left, off, rows.pairs.who, counts, floor=floor)
     return judge.least(seen, -ROW_ALLOWED, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbed.verification import fleet
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.settings import Scenario, arc, filters_own
@@ -33,6 +34,8 @@ def filter_view(run: Recorded) -> Pose | str:
     if (central and link["loss"]) or (late and link["stale"] == "extrapolate"):
         return "the filter saw poses carried on over lost packets"
     pose, rates = Pose(run.position, run.vehicles["theta_rad"]), run.rates
+    if late and fleet.strangers(s):
+        return "the filter saw late rates of intruders"
     if late:
         if not run.complete:
             return "the filter saw poses of instants that are not recorded"
@@ -68,9 +71,11 @@ def _lags(s: Scenario) -> Array | None:
         for name, absent in TABLE.items():
             constant = table[f"{name}_time_constant_s"]
             one.append((absent if constant is None else constant, table[f"{name}_delay_s"]))
-        return np.broadcast_to(np.array(one), (s["vehicles"], 3, 2))
+        every = np.tile(np.array(one, dtype=float), (s["vehicles"], 1, 1))
+        every[~fleet.under(s)] = 0.0
+        return every
     known = {}
-    for name in s["airframes"]:
+    for name in fleet.airframes(s):
         called, _, other = name.partition("@")
         folder = (
             AIRFRAMES / called
@@ -83,7 +88,9 @@ def _lags(s: Scenario) -> Array | None:
             known[name] = [(said[c]["time_constant_s"], said[c]["delay_s"]) for c in TABLE]
         except (OSError, ValueError, KeyError, TypeError):
             return None
-    return np.array([known[s["airframes"][k % len(s["airframes"])]] for k in range(s["vehicles"])])
+    found = np.array([known[name] for name in fleet.airframes(s)])
+    found[~fleet.under(s)] = 0.0  # intruders are not about to fly gamma
+    return found
 
 
 def _settled(s: Scenario, pose: Pose, rates: Array, lags: Array) -> Pose:

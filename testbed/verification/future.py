@@ -53,6 +53,12 @@ class Flown:
     lie_off: Array
     harmonic: Array | None
 
+    def among(self, which: Array) -> Flown:
+        """Of `which` (P,) of the pairs alone."""
+        harmonic = None if self.harmonic is None else self.harmonic[..., which]
+        lies = self.lie[..., which], self.lie_off[..., which]
+        return Flown(self.h[..., which], lies[0], self.off[..., which], lies[1], harmonic)
+
     def hdot(self, u_i: Array, u_j: Array) -> tuple[Array, Array]:
         """L_g h u (..., P) under inputs (..., P, 3), and what round-off may have done to it."""
         total, off = np.zeros(self.h.shape), np.zeros(self.h.shape)

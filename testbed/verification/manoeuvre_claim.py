@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from testbed.records.verdict import Status
+from testbed.verification import fleet
 from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.pair_claims import H_ALLOWED, Pairs, unicycle
@@ -119,7 +120,8 @@ def _reached(pairs: Pairs, judge: Judge, branch: dict[str, Any], k: int, safe: A
     s = run.scenario
     gamma = np.clip(manoeuvre(s), *box(s))
     dt = s["rates"]["fdm_dt_s"]
-    turning = np.abs(gamma[:, 1][np.abs(gamma[:, 1]) > 1e-9])
+    turning = gamma[fleet.under(s), 1]
+    turning = np.abs(turning[np.abs(turning) > 1e-9])
     horizon = 2 * pi / float(turning.min()) if turning.size else STRAIGHT_S
     stride = max(1, round(PERIOD_S / dt))
     steps = stride * ceil(horizon / (stride * dt))

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from testbed.verification import fleet
 from testbed.verification.finding import Finding
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
-from testbed.verification.settings import alpha, box, margin
-from testbed.verification.solutions import asked_of_one, rows_of_fences
+from testbed.verification.settings import alpha, box
+from testbed.verification.solutions import asked_of_one, margins, rows_of_fences
 
 # Of many altered commands so many are looked into, evenly along the run.
 LOOKED = 2000
@@ -60,7 +61,7 @@ def _finding(said: str, wrong: list[str], own: str = "as wanted") -> Finding:
 
 def _central(rows: Rows, altered: Array) -> list[tuple[int, Array]]:
     """Instants with an altered command whose QPs were all solved, with all vehicles."""
-    some = altered.any(axis=1) & rows.solved.all(axis=1)
+    some = altered.any(axis=1) & rows.answered.all(axis=1)
     return [(int(k), np.arange(rows.s["vehicles"])) for k in np.flatnonzero(some)]
 
 
@@ -74,7 +75,7 @@ def _off(rows: Rows, k: int, vehicles: Array) -> float:
     from scipy.optimize import nnls
 
     run = rows.run
-    low, high = (np.tile(corner, vehicles.size) for corner in box(rows.s))
+    low, high = (corner[vehicles].ravel() for corner in box(rows.s))
     u = run.command[k, vehicles].ravel()
     change = u - run.channels("_nominal")[k, vehicles].ravel()
     if vehicles.size > 1:
@@ -98,13 +99,15 @@ def _joint_rows(rows: Rows, k: int) -> tuple[Array, Array, Array]:
     assert own is not None
     pairs = np.arange(run.i.size)
     matrix = np.zeros((pairs.size, rows.s["vehicles"], 3))
+    due, under = margins(rows)[k] - alpha(rows.s, own.h[k]), fleet.under(rows.s)
     for side, vehicle in enumerate((run.i, run.j)):
-        matrix[pairs, vehicle] = own.lie[side][:, k].T
-    raised = margin(rows.s, own.lie[0][:, k]) + margin(rows.s, own.lie[1][:, k])
+        matrix[pairs, vehicle] = own.lie[side][:, k].T * under[vehicle][:, None]
+        if not under.all():
+            due = due - np.where(under[vehicle], 0.0, rows.assumed(side)[k])
     _, off = rows.left
     more, asked, wrong = rows_of_fences(rows, k, np.arange(rows.s["vehicles"]))
     return (
         np.concatenate([matrix.reshape(pairs.size, -1), more]),
-        np.concatenate([raised - alpha(rows.s, own.h[k]), asked]),
+        np.concatenate([due, asked]),
         np.concatenate([off[k], wrong]),
     )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from testbed.claims import registry
+from testbed.claims.registry import Claim
 from testbed.records.verdict import Status
+from testbed.verification import fleet
 from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.future import Flown, Pose, fly_on, manoeuvre
 from testbed.verification.recorded import Array, Recorded
@@ -20,6 +22,13 @@ H_ALLOWED, RATE_ALLOWED = 1e-9, 1e-3
 # |h| below which a pair is at the boundary, and the least |L_g h| there that is not zero.
 EDGE, LEAST_GRADIENT = 0.05, 1e-9
 SOLVING = ("centralised", "limited")
+OF_PAIRS = (
+    registry.GRADIENT,
+    registry.OFF_THE_KINK,
+    registry.SAFE_SET,
+    registry.BARRIER_CONDITION,
+    registry.ZCBF_CONDITION,
+)
 
 
 @dataclass(frozen=True)
@@ -57,9 +66,10 @@ class Pairs:
         least, most, off = np.zeros((3, *self.now.h.shape))
         for side in range(2):
             for k in range(3):
-                a, b = self.now.lie[side, k] * low[k], self.now.lie[side, k] * high[k]
+                bottom, top = (corner[(self.run.i, self.run.j)[side], k] for corner in (low, high))
+                a, b = self.now.lie[side, k] * bottom, self.now.lie[side, k] * top
                 least, most = least + np.minimum(a, b), most + np.maximum(a, b)
-                off = off + self.now.lie_off[side, k] * max(abs(low[k]), abs(high[k]))
+                off = off + self.now.lie_off[side, k] * np.maximum(np.abs(bottom), np.abs(top))
         return least, most, off
 
     @cached_property
@@ -81,7 +91,24 @@ class Pairs:
         there = arc(here, run.command[some], self.s["rates"]["filter_dt_s"])
         return fly_on(self.s, there, run.i, run.j), some, True
 
+    def among(self, kind: str) -> Pairs:
+        """Of a kind of pairs alone, see `fleet.which`; all where there are no intruders."""
+        if not fleet.strangers(self.s):
+            return self
+        some = fleet.which(self.run, kind)
+        return Pairs(fleet.among(self.run, some), self.now.among(some))
+
     def findings(self) -> Iterator[Finding]:
+        """Pairs beside intruders count where a claim is about what happens, not about the theorems."""
+        if fleet.strangers(self.s):
+            yield from self.among("ours").looked_at((registry.GRADIENT, registry.OFF_THE_KINK))
+            yield from self.among("judged").looked_at((registry.SAFE_SET, registry.BARRIER_CONDITION))
+            yield from self.among("ours").looked_at((registry.ZCBF_CONDITION,))
+        else:
+            yield from self.looked_at(OF_PAIRS)
+
+    def looked_at(self, claims: Sequence[Claim]) -> Iterator[Finding]:
+        """What we find of some of the claims `OF_PAIRS`."""
         for claim, look in (
             (registry.GRADIENT, self._gradient),
             (registry.OFF_THE_KINK, self._kink),
@@ -89,8 +116,8 @@ class Pairs:
             (registry.BARRIER_CONDITION, self._condition),
             (registry.ZCBF_CONDITION, self._admissible),
         ):
-            if claim.id in self.run.guarantees:
-                yield look(Judge(self.run, self.run.guarantees[claim.id]))
+            if claim in claims and claim.id in self.run.guarantees:
+                yield (look if self.run.i.size else _none)(Judge(self.run, self.run.guarantees[claim.id]))
 
     def _unseen(self, floor: float) -> float | None:
         """The floor of what was not recorded; None if all was."""
@@ -107,7 +134,8 @@ class Pairs:
         """(T, P): the most that h changes in a second at the rates seen or allowed."""
         low, high = box(self.s)
         rates = self.run.rates.reshape(-1, 3)
-        most = np.maximum(np.maximum(np.abs(low), np.abs(high)), np.abs(rates).max(axis=0))
+        allowed = np.maximum(np.abs(low), np.abs(high)).max(axis=0)
+        most = np.maximum(allowed, np.abs(rates).max(axis=0))
         lie = np.abs(self.now.lie)
         return np.asarray(np.einsum("sktp,k->tp", lie, most))
 
@@ -202,6 +230,15 @@ class Pairs:
         here = Pose(run.position[1:], run.vehicles["theta_rad"][1:])
         flown = fly_on(self.s, arc(here, run.rates[1:], -self.s["rates"]["filter_dt_s"]), run.i, run.j)
         return None if flown is None else flown.harmonic
+
+
+def _none(judge: Judge) -> Finding:
+    """Of no pair under the filter nothing is said, but that a smoothed barrier has no kink."""
+    s, b = judge.run.scenario, judge.run.scenario["barrier"]
+    turns = b["kind"] == "turn" and b["smoothing_m2"] > 0 and s["filter"]["kind"] in SOLVING
+    if turns and judge.entry["id"] == registry.OFF_THE_KINK.id:
+        return judge.nothing("smoothed", judge.verdict(True))
+    return judge.nothing("nobody else")
 
 
 def unicycle(run: Recorded) -> bool:

@@ -63,6 +63,7 @@ class PathBounds:
         if resolved(run):
             return np.asarray(0.5 * dt * self.changing)
         low, high = box(run.scenario)
+        low, high = low.min(axis=0), high.max(axis=0)
         seen = run.rates.reshape(-1, 3)
         low, high = np.minimum(low, seen.min(axis=0)), np.maximum(high, seen.max(axis=0))
         rate = max(abs(low[1]), abs(high[1]))
@@ -84,8 +85,8 @@ class PathBounds:
         s = self.run.scenario
         end = s["duration_s"] if not self.run.ended else self.t[-1] + s["rates"]["record_dt_s"]
         velocity = self.run.velocity
-        fastest = max(s["limits"]["v_max_mps"], float(np.linalg.norm(velocity, axis=-1).max()))
-        climb = s["limits"]["zeta_max_mps"]
+        fastest, _, climb = box(s)[1].max(axis=0)
+        fastest = max(fastest, float(np.linalg.norm(velocity, axis=-1).max()))
         left = max(0.0, end - float(self.t[-1]))
         return float(np.hypot(fastest, climb)) * left if left > 1e-9 else 0.0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from testbed.claims import registry
 from testbed.records.verdict import Status
+from testbed.verification import fleet
 from testbed.verification.finding import Finding, Judge, Values, thin
 from testbed.verification.future import manoeuvre
 from testbed.verification.passing import BETWEEN_M, Passing
@@ -36,14 +37,24 @@ class PathClaims:
         return self.run.scenario
 
     def findings(self) -> Iterator[Finding]:
+        for claim, kind in ((registry.SEPARATION, "ours"), (registry.SEPARATION_INTRUDERS, "beside")):
+            if claim.id in self.run.guarantees:
+                of = self._among(kind)
+                yield of._separation(Judge(of.run, self.run.guarantees[claim.id]))
         for claim, look in (
-            (registry.SEPARATION, self._separation),
             (registry.GOAL, self._goal),
             (registry.INTERVENTION, self._intervention),
         ):
             if claim.id in self.run.guarantees:
                 yield look(Judge(self.run, self.run.guarantees[claim.id]))
         yield self.added()
+
+    def _among(self, kind: str) -> PathClaims:
+        """Of a kind of pairs alone, see `fleet.which`; all where there are no intruders."""
+        if not fleet.strangers(self.s):
+            return self
+        run = fleet.among(self.run, fleet.which(self.run, kind))
+        return PathClaims(run, replace(self.paths, run=run))
 
     def _separation(self, judge: Judge) -> Finding:
         run, paths, e = self.run, self.paths, judge.entry
@@ -103,19 +114,19 @@ class PathClaims:
         paths, e = self.paths, judge.entry
         radius, said = self.s["goal_radius_m"], e["value"]
         distance = np.linalg.norm(self._to_goal, axis=-1)
-        nearest = distance.min(axis=0)
+        nearest = np.where(self.under, distance.min(axis=0), -np.inf)
         high = float(nearest.max())
         low = high
         if not paths.whole:
             closest = (paths.chords(self._to_goal) - paths.stray).min(axis=0, initial=np.inf)
-            low = float(np.maximum(np.minimum(closest, distance[-1] - paths.tail), 0.0).max())
+            low = float(np.maximum(np.minimum(closest, distance[-1] - paths.tail), 0.0)[self.under].max())
         if not low - ROUNDING <= said <= high + ROUNDING:
             judge.wrong.append(f"value is {said:.6g}, should be {low:.6g} to {high:.6g}")
         judge.expect("bound", e["bound"], radius)
         judge.expect("margin", e["margin"], radius - said)
         judge.expect("verdict", e["verdict"], judge.verdict(said <= radius))
         self._worst_goal(judge, nearest, high - low)
-        passed = self.passed
+        passed = self.passed[self.under]
         if paths.whole and not np.isnan(passed).any():
             last = e["detail"].get("last_passed_s", np.nan)
             judge.expect_near("last_passed_s", last, float(passed.max()), ROUNDING)
@@ -140,6 +151,11 @@ class PathClaims:
                 judge.wrong.append(f"nothing was flown at {e['t_s']:g} s")
         elif not abs(there - e["value"]) <= ROUNDING:
             judge.wrong.append(f"vehicle {v + 1} is {there:.6g} m from its goal at {e['t_s']:g} s")
+
+    @cached_property
+    def under(self) -> Array:
+        """(N,) whether each is under the filter."""
+        return fleet.under(self.s)
 
     @cached_property
     def passed(self) -> Array:
@@ -214,10 +230,10 @@ class PathClaims:
         low, high = box(s)
         left = np.maximum(straight - s["goal_radius_m"], 0.0)
         if c["kind"] == "manoeuvre":
-            return np.asarray(left / np.clip(manoeuvre(s)[:, 0], low[0], high[0]))
+            return np.asarray(left / np.clip(manoeuvre(s)[:, 0], low[:, 0], high[:, 0]))
         level = np.linalg.norm((goals(s) - start)[:, :2], axis=-1) / np.where(straight > 0, straight, 1.0)
         # Gain times the level distance still to go, from all of it down to the goal radius.
         share = (np.arange(20_000) + 0.5) / 20_000
         to_go = straight[:, None] - left[:, None] * share
-        pace = np.clip(c["gain_per_s"] * level[:, None] * to_go, low[0], high[0])
+        pace = np.clip(c["gain_per_s"] * level[:, None] * to_go, low[:, :1], high[:, :1])
         return np.asarray((left[:, None] / pace).mean(axis=1))

@@ -8,6 +8,7 @@ import numpy as np
 
 from testbed.claims import registry
 from testbed.records.verdict import Status
+from testbed.verification import fleet
 from testbed.verification.fence_claims import Fenced
 from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import manoeuvre
@@ -45,15 +46,18 @@ def _start(judge: Judge, pairs: Pairs | None, fenced: Fenced | None) -> Finding:
 
 def _shared(judge: Judge, pairs: Pairs | None) -> Finding:
     shared = not judge.run.scenario["barrier"].get("pairs")
-    judge.expect("verdict", judge.entry["verdict"], judge.verdict(shared, Status.PREMISE_NOT_MET))
-    return judge.done("one for all" if shared else "one a pair")
+    strange = fleet.strangers(judge.run.scenario)
+    judge.expect(
+        "verdict", judge.entry["verdict"], judge.verdict(shared and not strange, Status.PREMISE_NOT_MET)
+    )
+    return judge.done("not of intruders" if strange else "one for all" if shared else "one a pair")
 
 
 def _inside(judge: Judge, pairs: Pairs | None) -> Finding:
     e, s = judge.entry, judge.run.scenario
     if s["barrier"].get("pairs"):
         return judge.nothing("one a pair", Status.PREMISE_NOT_MET)
-    share = inside(manoeuvre(s), *box(s))
+    share = np.where(fleet.under(s), inside(manoeuvre(s), *box(s)), np.inf)
     least = float(share.min())
     judge.expect_near("value", e["value"], least, 1e-9)
     judge.expect("bound", e["bound"], 0.0)

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from testbed.verification import fleet
 from testbed.verification.fences import FenceRows, fence_rows
 from testbed.verification.filter_view import filter_view
 from testbed.verification.future import BLOCK, Flown, Future, Pose, fly_on, future, manoeuvre
@@ -83,9 +84,35 @@ class Rows:
         assert self.own is not None
         u = self.run.command
         hdot, off = self.own.hdot(u[:, self.run.i], u[:, self.run.j])
+        if fleet.strangers(self.s):
+            hdot = self.part(0) + self.part(1)
+            off = off + np.abs(self.own.lie_off).sum(axis=(0, 1)) * np.abs(np.stack(box(self.s))).max()
         steep = steepness(self.s, self.own.h) * self.own.off
         room = alpha(self.s, self.own.h)
         return hdot + room, off + steep + 1e-13 * (np.abs(room) + np.abs(hdot))
+
+    def part(self, side: int) -> Array:
+        """L_g h u (T, P) of one side's vehicle: commanded, or what the filter assumes of an intruder."""
+        assert self.own is not None
+        run, vehicle = self.run, (self.run.i, self.run.j)[side]
+        lie = self.own.lie[side]
+        told = np.einsum("ktp,tpk->tp", lie, run.command[:, vehicle])
+        return np.where(fleet.under(self.s)[vehicle], told, self.assumed(side))
+
+    def assumed(self, side: int) -> Array:
+        """L_g h w (T, P) of one side's vehicle, w being what the filter assumes of intruders."""
+        assert self.own is not None
+        vehicle, lie = (self.run.i, self.run.j)[side], self.own.lie[side]
+        if self.s.get("intruders", {}).get("assume", "keep-course") == "keep-course":
+            kept = self.run.rates[:, vehicle]
+            return np.asarray(lie[0] * kept[..., 0] + lie[2] * kept[..., 2])
+        low, high = (corner[vehicle].T[:, None] for corner in box(self.s))
+        return np.asarray(np.minimum(lie * low, lie * high).sum(axis=0))
+
+    @cached_property
+    def answered(self) -> Array:
+        """(T, N) whether a vehicle's QP was solved, or it is an intruder without one."""
+        return self.solved | ~fleet.under(self.s)
 
     @cached_property
     def solved(self) -> Array:
@@ -107,7 +134,7 @@ def _differenced(s: Scenario, pose: Pose, i: Array, j: Array, flown: Flown, u: A
     made, step, low_high = future(s, i, j), s["barrier"]["gradient_step"], box(s)
     assert made is not None
     hdot, _ = flown.hdot(u[:, i], u[:, j])
-    corner = np.maximum(*map(np.abs, low_high))
+    corner = np.maximum(*map(np.abs, low_high)).max(axis=0)
     room = alpha(s, flown.h)
     worst = room - 2.0 * np.einsum("sktp,k->tp", np.abs(flown.lie), corner)
     k, p = np.nonzero(worst <= float((room + hdot).min(initial=np.inf)) + 1.0)

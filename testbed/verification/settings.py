@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from testbed.verification import fleet
 from testbed.verification.future import Pose
 from testbed.verification.recorded import Array
 
@@ -15,10 +16,13 @@ CHANNELS = ("v", "omega", "zeta")
 
 
 def box(s: Scenario) -> tuple[Array, Array]:
-    """Least and greatest (v, omega, zeta) that may be commanded, (3,) each."""
-    b = s["limits"]
-    turn, climb = radians(b["omega_max_degps"]), b["zeta_max_mps"]
-    return np.array([b["v_min_mps"], -turn, -climb]), np.array([b["v_max_mps"], turn, climb])
+    """Least and greatest (v, omega, zeta) that may be commanded of each vehicle, (N, 3) each."""
+    corners = []
+    for b in fleet.limits(s):
+        turn, climb = radians(b["omega_max_degps"]), b["zeta_max_mps"]
+        corners.append(((b["v_min_mps"], -turn, -climb), (b["v_max_mps"], turn, climb)))
+    low, high = np.array(corners, dtype=float).transpose(1, 0, 2)
+    return low, high
 
 
 def inside(u: Array, low: Array, high: Array) -> Array:
@@ -48,9 +52,18 @@ def goals(s: Scenario) -> Array:
     """(N, 3) m: listed, or the antipodes of a circle whose first vehicle stands in the west."""
     start, n = s["start"], s["vehicles"]
     if start["pattern"] == "list":
-        return np.array([[p["goal_x_m"], p["goal_y_m"], p["goal_z_m"]] for p in start["places"]])
-    angle = 2 * np.pi / n * np.arange(n)
-    return np.asarray(start["radius_m"] * np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=-1))
+        made = np.array([[p["goal_x_m"], p["goal_y_m"], p["goal_z_m"]] for p in start["places"]])
+    else:
+        angle = 2 * np.pi / n * np.arange(n)
+        made = np.asarray(start["radius_m"] * np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=-1))
+    own = fleet.tables(s)
+    made[[("goal_x_m" in v) for v in own], 2] = 0.0
+    return np.stack([_said(own, f"goal_{a}_m", made[:, k]) for k, a in enumerate("xyz")], axis=-1)
+
+
+def _said(own: list[Scenario], name: str, others: Array) -> Array:
+    """A number of each vehicle (N,), where its table says it."""
+    return np.array([v.get(name, x) for v, x in zip(own, others, strict=True)], dtype=float)
 
 
 def start(s: Scenario) -> Pose:
@@ -64,6 +77,9 @@ def start(s: Scenario) -> Pose:
         x, y = -a["radius_m"] * np.cos(angle), -a["radius_m"] * np.sin(angle)
         course = np.degrees(angle) + a["course_offset_deg"]
         z = np.resize(np.asarray(a["heights_m"], dtype=float), n)
+    own = fleet.tables(s)
+    z = _said(own, "z_m", np.where(["x_m" in v for v in own], 0.0, z))
+    x, y, course = _said(own, "x_m", x), _said(own, "y_m", y), _said(own, "course_deg", course)
     if a["round_decimals"] is not None:
         x, y, course = (np.round(q, a["round_decimals"]) for q in (x, y, course))
     drawn = np.random.default_rng(np.random.SeedSequence(s["seed"]).spawn(1)[0]).uniform(-1.0, 1.0, (3, n))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from testbed.verification import fleet
 from testbed.verification.filter_claims import FAILED, ROW_ALLOWED
 from testbed.verification.finding import Finding
 from testbed.verification.future import manoeuvre
@@ -37,7 +38,7 @@ def _statuses(rows: Rows) -> Finding:
     status = run.vehicles["qp_status"]
     known = ["solved", *FAILED] if rows.solves or s["filter"]["kind"] == "flow" else ["none"]
     known += ["none"] if "filter" in run.parts else []
-    odd = int((~np.isin(status, known)).sum())
+    odd = int((~np.isin(status, known))[:, fleet.under(s)].sum())
     failed, lost = np.isin(status, FAILED), 0
     if failed.any() and not s["barrier"].get("pairs") and not run.parts and not s["remedy"]["air_mass"]:
         gamma = np.clip(manoeuvre(s), *box(s))
@@ -57,7 +58,8 @@ def _solved(rows: Rows) -> Finding:
     assert own is not None
     _, off = rows.left
     if rows.s["filter"]["kind"] == "centralised":
-        short = np.where(at[:, run.i] & at[:, run.j], _joint(rows), -np.inf)
+        both = rows.answered[:, run.i] & rows.answered[:, run.j] & fleet.which(run, "judged")
+        short = np.where(both, _joint(rows), -np.inf)
     else:
         halves = [_half(rows, side) for side in range(2)]
         short = np.maximum(
@@ -84,9 +86,16 @@ def _fences_short(rows: Rows) -> float:
 
 def _joint(rows: Rows) -> Array:
     """By how much the commands leave the pairs' rows short (T, P)."""
-    own, (left, _) = rows.own, rows.left
+    left, _ = rows.left
+    return np.asarray(margins(rows) - left)
+
+
+def margins(rows: Rows) -> Array:
+    """What the remedies raise the pairs' rows by (T, P): the sides under the filter."""
+    own, under = rows.own, fleet.under(rows.s)
     assert own is not None
-    return np.asarray(margin(rows.s, own.lie[0]) + margin(rows.s, own.lie[1]) - left)
+    of = ((own.lie[k], v) for k, v in enumerate((rows.run.i, rows.run.j)))
+    return np.asarray(sum(np.where(under[v], margin(rows.s, lie), 0.0) for lie, v in of))
 
 
 def _half(rows: Rows, side: int) -> Array:
@@ -103,10 +112,14 @@ def _asked(rows: Rows, side: int) -> Array:
     own, run = rows.own, rows.run
     assert own is not None
     mine, other = (run.i, run.j)[side], (run.i, run.j)[1 - side]
+    beside = ~fleet.under(rows.s)[other]
     gamma, others = _gamma(rows, mine), _gamma(rows, other)
     rest = -0.5 * alpha(rows.s, own.h) + margin(rows.s, own.lie[side])
     for k in range(3):
         rest = rest + 0.5 * (own.lie[side, k] * gamma[..., k] - own.lie[1 - side, k] * others[..., k])
+    if beside.any():  # the row is all of this side's
+        whole = margin(rows.s, own.lie[side]) - alpha(rows.s, own.h) - rows.assumed(1 - side)
+        rest = np.where(beside, whole, rest)
     return np.asarray(rest)
 
 
@@ -138,21 +151,26 @@ def _room_of_all(rows: Rows, k: int, vehicles: Array) -> float:
     """Of the rows among vehicles (M,) at instant k, solved together."""
     own, run = rows.own, rows.run
     assert own is not None
-    use = np.flatnonzero(np.isin(run.i, vehicles) & np.isin(run.j, vehicles))
-    matrix = np.zeros((use.size, vehicles.size, 3))
+    beside = ~fleet.under(rows.s)
+    here = np.isin(np.arange(beside.size), vehicles)
+    met = (here | beside)[run.i] & (here | beside)[run.j] & (here[run.i] | here[run.j])
+    use = np.flatnonzero(met)
+    matrix, asked = np.zeros((use.size, vehicles.size, 3)), (margins(rows) - alpha(rows.s, own.h))[k, use]
     for side, vehicle in enumerate((run.i, run.j)):
-        matrix[np.arange(use.size), np.searchsorted(vehicles, vehicle[use])] = own.lie[side][:, k, use].T
-    asked = margin(rows.s, own.lie[0][:, k, use]) + margin(rows.s, own.lie[1][:, k, use])
-    asked = asked - alpha(rows.s, own.h[k, use])
+        mine = here[vehicle[use]]
+        place = np.searchsorted(vehicles, vehicle[use][mine])
+        matrix[np.flatnonzero(mine), place] = own.lie[side][:, k, use[mine]].T
+        if not mine.all():
+            asked = asked - np.where(mine, 0.0, rows.assumed(side)[k, use])
     more, due, _ = rows_of_fences(rows, k, vehicles)
     matrix = np.concatenate([matrix.reshape(use.size, 3 * vehicles.size), more])
-    return _room(rows, matrix, np.concatenate([asked, due]))
+    return _room(rows, vehicles, matrix, np.concatenate([asked, due]))
 
 
 def _room_of_one(rows: Rows, k: int, vehicle: int) -> float:
     """Of one vehicle's own halves at instant k."""
     matrix, asked, _ = asked_of_one(rows, k, vehicle)
-    return _room(rows, matrix, asked)
+    return _room(rows, np.array([vehicle]), matrix, asked)
 
 
 def asked_of_one(rows: Rows, k: int, vehicle: int) -> tuple[Array, Array, Array]:
@@ -184,11 +202,11 @@ def rows_of_fences(rows: Rows, k: int, vehicles: Array) -> tuple[Array, Array, A
     return matrix.reshape(use.size, -1), asked[k, use], off[k, use]
 
 
-def _room(rows: Rows, matrix: Array, asked: Array) -> float:
-    """The largest t with matrix u >= asked + t for some u within the limits."""
+def _room(rows: Rows, vehicles: Array, matrix: Array, asked: Array) -> float:
+    """The largest t with matrix u >= asked + t for some u of the vehicles (M,) within their limits."""
     from scipy.optimize import linprog
 
-    low, high = (np.tile(corner, matrix.shape[1] // 3) for corner in box(rows.s))
+    low, high = (corner[vehicles].ravel() for corner in box(rows.s))
     cost = np.zeros(matrix.shape[1] + 1)
     cost[-1] = -1.0
     bounds = [*zip(low, high, strict=True), (None, 1.0)]

@@ -9,7 +9,7 @@ from typing import Any
 from testbed.claims import registry
 from testbed.claims.monitored import RECORDED
 from testbed.claims.registry import Claim
-from testbed.verification import coverage
+from testbed.verification import coverage, fleet
 from testbed.verification.air import blows
 from testbed.verification.coverage_table import AIRCRAFT, DECLARED, WIND
 from testbed.verification.filter_view import AIRFRAMES
@@ -43,7 +43,7 @@ def _texts(run: Recorded) -> Finding:
 def _words(claim: Claim, s: dict[str, Any]) -> dict[str, str]:
     return {
         "number": claim.number,
-        "claim": claim.words(s["goal_radius_m"]),
+        "claim": claim.words(s["goal_radius_m"], fleet.strangers(s)),
         "source": claim.source,
         "quantity": claim.quantity,
         "unit": claim.unit_of(s["barrier"]["form"]),
@@ -82,7 +82,7 @@ def _manifest(run: Recorded) -> Finding:
     """Airframes are those of the scenario, schema and random streams the known ones."""
     s, m, wrong = run.scenario, run.manifest, []
     if s["plant"] == "jsbsim" and "plant" not in run.parts:
-        due = {s["airframes"][k % len(s["airframes"])] for k in range(s["vehicles"])}
+        due = set(fleet.airframes(s))
         if not _called(due, set(m["airframes"])):
             wrong.append(f"airframes are {', '.join(sorted(m['airframes'])) or 'none'}")
     if m["schema_version"] != RUN_SCHEMA:
