@@ -6,7 +6,7 @@ Source  https://www.tacview.net/documentation/acmi/
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from heapq import merge
 from math import degrees
 from pathlib import Path
@@ -23,8 +23,8 @@ from testbed.report.tables import number
 
 HEADER = "FileType=text/acmi/tacview\nFileVersion=2.2\n"
 FIRST_ID = 0x100
-# Tacview's words for them: flying, in the pair of least h, in a pair closer than Ds.
-CALM, CRITICAL, LOST = "Blue", "Orange", "Red"
+# Tacview's words for them: flying, an intruder, in the pair of least h, in a pair closer than Ds.
+CALM, INTRUDER, CRITICAL, LOST = "Blue", "Violet", "Orange", "Red"
 # Recorded column -> property and factor.
 PROPERTIES = {
     "airspeed_mps": ("TAS", 1.0),
@@ -110,23 +110,26 @@ def _id(vehicle: int) -> str:
 def _recorded(run: Run) -> Iterator[tuple[float, list[str]]]:
     """Time and lines of each recorded instant."""
     s = run.manifest["scenario"]
-    names = s["airframes"] if s["plant"] == "jsbsim" else [s["plant"]]
+    own = s.get("vehicle") or [{}] * s["vehicles"]
+    listed = [v.get("airframe", s["airframes"][k % len(s["airframes"])]) for k, v in enumerate(own)]
+    names = listed if s["plant"] == "jsbsim" else [s["plant"]]
+    strangers = {k for k, v in enumerate(own, 1) if not v.get("filter", True)}
     if (plant := run.part("plant")) is not None:
         names = [plant]
     shown: dict[int, dict[str, str]] = {}
-    worst = _worst_pairs(run.pairs, s["d_safe_m"])
+    worst = _worst_pairs(run.pairs, s["d_safe_m"], strangers)
     origin = Origin()
     for t, group in run.vehicles.groupby("t_s", sort=True):
         lines, critical = [], worst.get(t, {})
         for row in group.to_dict("records"):
             vehicle = int(row["vehicle"])
-            now = _state(row, critical.get(vehicle))
+            now = _state(row, critical.get(vehicle), INTRUDER if vehicle in strangers else CALM)
             if vehicle not in shown:
                 shown[vehicle] = {}
                 now |= {
                     "Type": "Air+FixedWing",
                     "Name": escaped(Path(names[(vehicle - 1) % len(names)]).name),
-                    "CallSign": f"vehicle {vehicle}",
+                    "CallSign": f"{'intruder' if vehicle in strangers else 'vehicle'} {vehicle}",
                     "EngagementMode": "1",
                     "EngagementRange": f"{s['d_safe_m']:g}",
                 }
@@ -147,11 +150,11 @@ def _place(row: dict[str, Any], origin: Origin) -> str:
     return f"{place}|{altitude:.5f}|{roll}|{pitch}|{heading}|{flat}|{heading}"
 
 
-def _state(row: dict[str, Any], critical: tuple[int, float, bool] | None) -> dict[str, str]:
+def _state(row: dict[str, Any], critical: tuple[int, float, bool] | None, calm: str = CALM) -> dict[str, str]:
     """The properties of a vehicle now; `critical` is its partner, their h, and whether Ds is lost."""
     state = {p: f"{row[c] * k:.4f}" for c, (p, k) in PROPERTIES.items() if c in row and row[c] == row[c]}
     if critical is None:
-        return state | {"Color": CALM, "LockedTargetMode": "0"}
+        return state | {"Color": calm, "LockedTargetMode": "0"}
     partner, h, lost = critical
     colour = LOST if lost else CRITICAL
     return state | {
@@ -162,8 +165,15 @@ def _state(row: dict[str, Any], critical: tuple[int, float, bool] | None) -> dic
     }
 
 
-def _worst_pairs(pairs: pd.DataFrame, d_safe: float) -> dict[float, dict[int, tuple[int, float, bool]]]:
-    """Time -> vehicle -> (partner, h [m], Ds lost), for the pair of least h at each recorded time."""
+def _worst_pairs(
+    pairs: pd.DataFrame, d_safe: float, strangers: Collection[int] = ()
+) -> dict[float, dict[int, tuple[int, float, bool]]]:
+    """Time -> vehicle -> (partner, h [m], Ds lost), for the pair of least h at each recorded time.
+
+    strangers  intruders, from 1; pairs of two are left out
+    """
+    if strangers:
+        pairs = pairs[~(pairs.i.isin(strangers) & pairs.j.isin(strangers))].reset_index(drop=True)
     worst: dict[float, dict[int, tuple[int, float, bool]]] = {}
     if not len(pairs):
         return worst

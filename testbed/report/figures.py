@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.claims.registry import SEPARATION
+from testbed.claims.nearest import nearest_approach
 from testbed.records.run import Run
 from testbed.report.ledger_figures import ledger
 from testbed.report.style import LIMIT, PAGE, drawing, limits, log_distance, save, separation, styles
@@ -43,6 +43,12 @@ def one(run: Run, vehicle: int = 1) -> Any:
     return run.vehicles[run.vehicles.vehicle == vehicle]
 
 
+def limits_of(scenario: Mapping[str, Any], vehicle: int) -> dict[str, float]:
+    """The [limits] of a vehicle, from 1: what its own table says, else the scenario's."""
+    own = scenario["vehicle"][vehicle - 1] if scenario.get("vehicle") else {}
+    return dict(scenario["limits"]) | own.get("limits", {})
+
+
 def panels(runs: Mapping[str, Run]) -> Figure:
     """Speed and turn rate of vehicle 1 (achieved, and commanded thin), smallest distance, paths."""
     from matplotlib import pyplot as plt
@@ -50,7 +56,7 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     figure, axes = plt.subplots(2, 2, figsize=(PAGE, 5.4), layout="constrained")
     (speed, turn), (distance, path) = axes
     scenario = next(iter(runs.values())).manifest["scenario"]
-    box = scenario["limits"]
+    box = limits_of(scenario, 1)
     looks = styles(runs)
     for name, run in runs.items():
         rows, look = one(run), looks[name]
@@ -104,13 +110,13 @@ def legends(figure: Figure, axes: Sequence[Axes], telling: Axes) -> None:
 
 def _with_least(name: str, run: Run) -> str:
     """A label with the least distance that was judged: at every step, not only at the recorded ones."""
-    least = run.guarantee(SEPARATION.id).value
+    least = nearest_approach(run).value
     return name if least is None else f"{name}, least {least:.2f} m"
 
 
 def lead(run: Run) -> int:
     """The vehicle worth a closer look: the first of the pair that came closest."""
-    return int(next(iter(run.guarantee(SEPARATION.id)["vehicles"]), 1))
+    return int(next(iter(nearest_approach(run)["vehicles"]), 1))
 
 
 def aircraft(runs: Mapping[str, Run], looks: Mapping[str, dict[str, Any]]) -> Figure:
@@ -129,7 +135,7 @@ def aircraft(runs: Mapping[str, Run], looks: Mapping[str, dict[str, Any]]) -> Fi
             np.degrees(rows.omega_radps - rows.omega_command_radps),
             rows.zeta_mps - rows.zeta_command_mps,
         ]
-        closest = run.guarantee(SEPARATION.id)["t_s"]
+        closest = nearest_approach(run)["t_s"]
         for a, y in zip(axes, series, strict=True):
             a.plot(rows.t_s, y, label=f"{name}, vehicle {lead(run)}", **look)
             if closest is not None:

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from testbed.claims.registry import BARRIER_CONDITION, SAFE_SET, SEPARATION
+from testbed.claims.nearest import nearest_approach
+from testbed.claims.registry import BARRIER_CONDITION, SAFE_SET, SEPARATION, SEPARATION_INTRUDERS
 from testbed.records.run import Run
+from testbed.report import figures
 from testbed.report.style import styles
 
 # Values in all tracks of one player: about 3 bytes each as JSON, so 2 MB.
@@ -32,6 +34,7 @@ TIME_STEP_S, H_STEP = 1e-4, 1e-3
 # Verdicts whose worst instant gets a button.
 MOMENTS = {
     SEPARATION.id: "least distance",
+    SEPARATION_INTRUDERS.id: "least distance to an intruder",
     SAFE_SET.id: "least h",
     BARRIER_CONDITION.id: "least hdot + alpha(h)",
 }
@@ -49,7 +52,7 @@ def data(runs: Mapping[str, Run]) -> dict[str, Any]:
     return {
         "d_safe": scenario["d_safe_m"],
         "vehicles": scenario["vehicles"],
-        "limits": scenario["limits"],
+        "limits": figures.limits_of(scenario, 1),
         "unit": "m" if scenario["barrier"]["form"] == "root" else "m²",
         "steps": {name: step for name, (_, _, step) in CHANNELS.items()} | {"t": TIME_STEP_S, "h": H_STEP},
         "plants": [_plant(name, run, max(2, min(FRAMES, each)), looks[name]) for name, run in runs.items()],
@@ -67,7 +70,7 @@ def _plant(name: str, run: Run, most: int, look: Mapping[str, Any]) -> dict[str,
         values = run.vehicles[column].to_numpy(dtype=float).reshape(-1, n)
         values = np.unwrap(values, axis=0) if channel == "theta" else values
         tracks[channel] = [coded(values[kept, v] * scale, step) for v in range(n)]
-    separation = run.guarantee(SEPARATION.id)
+    separation = nearest_approach(run)
     return {
         "name": name,
         "color": look["color"],

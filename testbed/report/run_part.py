@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from testbed.claims.registry import SEPARATION
+from testbed.claims.nearest import nearest_approach
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.store import load
@@ -115,7 +115,7 @@ def _panels(runs: Runs, folder: Path | None) -> Picture:
 
 
 def _least(run: Run) -> str:
-    e = run.guarantee(SEPARATION.id)
+    e = nearest_approach(run)
     return f"{e['value']:.2f} m at {e['t_s']:.2f} s" if e["value"] is not None else "none, there is no pair"
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from testbed.claims.registry import SAFE_SET, SEPARATION
+from testbed.claims.nearest import nearest_approach
+from testbed.claims.registry import SAFE_SET
 from testbed.records.run import Run
 from testbed.records.verdict import Kind, Status, Verdict
 from testbed.report.blocks import KEPT, LOST, OPEN, Fact
@@ -102,7 +103,7 @@ def csv_rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
 
 def fact(label: str, run: Run, color: str) -> Fact:
     """How one run stands on separation, the claim that matters most."""
-    v = run.guarantee(SEPARATION.id)
+    v = nearest_approach(run)
     if v.status is Status.NOT_APPLICABLE or v.value is None or v.bound is None:
         return Fact(label, OPEN, v.why or "separation was not judged", None, color)
     status = {Status.HOLDS: KEPT, Status.VIOLATED: LOST}.get(v.status, OPEN)
@@ -115,7 +116,7 @@ def fact(label: str, run: Run, color: str) -> Fact:
 
 def left_safe_set(run: Run) -> bool:
     """Whether h went below zero although Ds was kept: the safe set was not invariant in this run."""
-    kept = run.guarantee(SEPARATION.id).status is Status.HOLDS
+    kept = nearest_approach(run).status is Status.HOLDS
     return kept and run.guarantee(SAFE_SET.id).status is Status.VIOLATED
 
 

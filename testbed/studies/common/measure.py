@@ -9,7 +9,8 @@ from typing import Any
 
 from testbed.campaigns.job import Job
 from testbed.campaigns.sent_parts import SentParts
-from testbed.claims.registry import GOAL, INTERVENTION, QP_FEASIBILITY, SAFE_SET, SEPARATION, START_SAFE
+from testbed.claims.nearest import nearest_approach
+from testbed.claims.registry import GOAL, INTERVENTION, QP_FEASIBILITY, SAFE_SET, START_SAFE
 from testbed.components.components import Parts
 from testbed.components.installed_parts import effective
 from testbed.scenario.scenario import Scenario, parse
@@ -38,13 +39,13 @@ def measure(job: Job, parts: Parts | None = None) -> dict[str, Any]:
         "ended_early": done.manifest["ended_early"] or "",
     }
     row["start_safe"] = done.guarantee(START_SAFE.id)["verdict"] == "holds"
-    for column, name in (
-        ("distance_m", SEPARATION.id),
-        ("h_m", SAFE_SET.id),
-        ("infeasible", QP_FEASIBILITY.id),
+    for column, verdict in (
+        ("distance_m", nearest_approach(done)),
+        ("h_m", done.guarantee(SAFE_SET.id)),
+        ("infeasible", done.guarantee(QP_FEASIBILITY.id)),
     ):
-        row[column] = done.guarantee(name)["value"]
-        row[f"{column.partition('_')[0]}_verdict"] = done.guarantee(name)["verdict"]
+        row[column] = verdict["value"]
+        row[f"{column.partition('_')[0]}_verdict"] = verdict["verdict"]
     row["overridden_share"] = done.guarantee(INTERVENTION.id)["value"]
     for name in ("path_added_m", "time_added_s"):
         added = done.guarantee(INTERVENTION.id)["detail"][name]

@@ -14,7 +14,8 @@ import numpy as np
 
 from testbed.campaigns.engine import fly_rows
 from testbed.campaigns.journal import Journal
-from testbed.claims.registry import QP_FEASIBILITY, SAFE_SET, SEPARATION
+from testbed.claims.nearest import nearest_approach
+from testbed.claims.registry import QP_FEASIBILITY, SAFE_SET
 from testbed.scenario.scenario import Scenario, load
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def row(case: Case) -> dict[str, Any]:
     from testbed.simulation.simulate import run
 
     done = run(case.scenario())
-    distance, h = done.guarantee(SEPARATION.id), done.guarantee(SAFE_SET.id)
+    distance, h = nearest_approach(done), done.guarantee(SAFE_SET.id)
     i, j = distance["vehicles"]
     return {
         "barrier": case.barrier,
@@ -185,7 +186,7 @@ def look(case: Case) -> Look:
     from testbed.simulation.simulate import run
 
     done = run(case.scenario(f"record_dt_s={case.dt_s}"))
-    i, j = done.guarantee(SEPARATION.id)["vehicles"]
+    i, j = nearest_approach(done)["vehicles"]
     pairs = done.pairs[(done.pairs.i == i) & (done.pairs.j == j)]
     both = [done.vehicles[done.vehicles.vehicle == v] for v in (i, j)]
     heading = np.stack([v.theta_rad for v in both])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.claims.registry import SEPARATION
+from testbed.claims.nearest import nearest_approach
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.variants import changed, load_base
 from testbed.simulation.simulate import run
@@ -37,10 +37,10 @@ def compare(airframe: str, lookahead_m: float, seed: int) -> dict[str, Any]:
     base = load_base("paper-2-turn", fields)
     s = default_starts(base).model_copy(update={"seed": seed}) if seed else base
     aircraft, lagged = (_fly(s, plant) for plant in ("jsbsim", "lagged"))
-    until = aircraft.guarantee(SEPARATION.id)["t_s"]
+    until = nearest_approach(aircraft)["t_s"]
     row: dict[str, Any] = {"airframe": airframe, "lookahead_m": lookahead_m, "start": seed}
-    row["aircraft_m"] = aircraft.guarantee(SEPARATION.id)["value"]
-    row["lagged_m"] = lagged.guarantee(SEPARATION.id)["value"]
+    row["aircraft_m"] = nearest_approach(aircraft)["value"]
+    row["lagged_m"] = nearest_approach(lagged)["value"]
     row["difference_m"] = row["lagged_m"] - row["aircraft_m"]
     one, other = (r.vehicles[r.vehicles.t_s <= until] for r in (aircraft, lagged))
     for name, (column, factor) in CHANNELS.items():

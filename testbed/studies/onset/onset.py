@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from testbed.campaigns.engine import fly_all
-from testbed.claims.registry import SEPARATION
+from testbed.claims.nearest import nearest_approach
 from testbed.scenario.scenario import Scenario, load
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def measure(case: Case) -> Onset:
         first_time(t, lateral > LATERAL_M),
         t,
         np.degrees(omega[:, 0]),
-        float(done.guarantee(SEPARATION.id)["value"]),
+        float(nearest_approach(done)["value"]),
     )
 
 

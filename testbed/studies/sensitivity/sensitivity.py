@@ -21,7 +21,7 @@ import numpy as np
 
 from aircraft.airframe import load
 from aircraft.airframes.schema import Airframe
-from testbed.claims.registry import SEPARATION
+from testbed.claims.nearest import nearest_approach
 
 TURN = math.radians(11.7)  # rad/s
 _SPEED_MPS = 20.0
@@ -116,7 +116,7 @@ def effects(name: str, changes: tuple[Change, ...] = CHANGES) -> Iterator[Effect
             s.t63,
             s.overshoot,
             float(np.abs(f.position[:, 2]).max()),
-            float(flown.guarantee(SEPARATION.id)["value"]),
+            float(nearest_approach(flown)["value"]),
         )
 
 

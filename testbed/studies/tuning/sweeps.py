@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.claims.registry import SAFE_SET, SEPARATION
+from testbed.claims.nearest import nearest_approach
+from testbed.claims.registry import SAFE_SET
 from testbed.errors import UserError
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def _guarantee(point: Point) -> dict[str, Any]:
         done = run(s)
     except UserError as error:
         return {"min_distance_m": math.nan, "min_h_m": math.nan, "fault": str(error)}
-    separation, safe = done.guarantee(SEPARATION.id), done.guarantee(SAFE_SET.id)
+    separation, safe = nearest_approach(done), done.guarantee(SAFE_SET.id)
     return {
         "min_distance_m": separation["value"],
         "min_h_m": safe["value"],
