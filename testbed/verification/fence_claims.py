@@ -177,7 +177,7 @@ class Fenced:
         """What h may come down to between recorded instants, at the rates seen or allowed."""
         low, high = box(self.s)
         rates = np.abs(self.run.rates.reshape(-1, 3)).max(axis=0)
-        most = np.maximum(np.maximum(np.abs(low), np.abs(high)), rates)
+        most = np.maximum(np.maximum(np.abs(low), np.abs(high)).max(axis=0), rates)
         # Along and across the fence the circle moves as fast as its vehicle and its lever turn.
         gamma = manoeuvre(self.s)
         lever = np.where(
