@@ -9,6 +9,7 @@ from pathlib import Path
 
 from aircraft.airframes.editing import replace_tables
 from aircraft.airframes.naming import split
+from aircraft.airframes.reading import read_airframe
 from aircraft.airframes.safety import vet
 from aircraft.airframes.schema import (
     AIRFRAMES,
@@ -17,7 +18,6 @@ from aircraft.airframes.schema import (
     Airframe,
     folder_of,
     names,
-    read_airframe,
 )
 from aircraft.autopilots import gains
 from aircraft.autopilots.fitting import fitted_with

@@ -37,7 +37,7 @@ def aircraft(request):
 
 def test_the_committed_xml_is_what_the_equations_and_gains_say(aircraft):
     committed = (aircraft.folder / "systems" / "autopilot.xml").read_text()
-    equations = parse((AUTOPILOTS / "inverting" / "autopilot.eq").read_text())
+    equations = parse((AUTOPILOTS / "inverting" / "autopilot.eq").read_text()).of(aircraft.gain_values())
     assert committed == system_xml(equations, aircraft.gain_values())
 
 

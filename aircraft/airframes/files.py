@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from aircraft.airframes.schema import Airframe, AirframeFileError, read_airframe
+from aircraft.airframes.reading import AirframeFileError, read_airframe
+from aircraft.airframes.schema import Airframe
 from aircraft.airframes.xml import Element, RefusedError, read
 from aircraft.textfile import line_of, read_text
 

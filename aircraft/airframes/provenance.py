@@ -37,8 +37,9 @@ def identified_fingerprint(airframe: Airframe) -> str:
     files = _files(airframe)
     autopilot, model = ([f for f in files if (f[0] == _AUTOPILOT) == wanted] for wanted in (True, False))
     gains: list[Any] = [autopilot, airframe.gains, airframe.speeds.model_dump(exclude_none=True)]
-    if airframe.autopilot != INVERTING or airframe.variant:
-        what = [airframe.autopilot, airframe.equations_sha256, _own_equations(airframe), airframe.parameters]
+    if airframe.autopilot != INVERTING or airframe.variant or airframe.sensors:
+        what = [airframe.fit, airframe.equations_sha256, _own_equations(airframe), airframe.parameters]
+        what.append(airframe.sensors)
         gains = [*what, *gains[1:]]
     return f"{_digest(gains)}-{_digest(model)}"
 

@@ -15,8 +15,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from aircraft.airframes.sensors import label, sensors_of
 from aircraft.airframes.setup import Engines, Finite, Positive, Setup, Strict, is_property
-from aircraft.textfile import TextError, line_of, parse_toml, read_text
 
 AIRFRAMES = Path(__file__).parent
 OTHERS = "autopilots"  # folder of an airframe with what belongs to autopilots that it can fly besides its own
@@ -141,6 +141,9 @@ class Airframe(Strict):
     )
     setup: Setup = Setup()
     engines: Engines = Engines()
+    sensors: dict[str, Finite | str] = Field(
+        {}, description="what the autopilot senses: preset, and values of it; see aircraft.airframes.sensors"
+    )
     fitted: Fitted | None = None
     identified: Identified | None = None
     step_factor: Positive = Field(1.0, description="of the step specification's bounds, for this airframe")
@@ -156,6 +159,7 @@ class Airframe(Strict):
     def radians(self) -> Airframe:
         """Angles and their rates in the range of radians; telemetry under names of its own."""
         check_gains(self.gains)
+        sensors_of(self.sensors)
         for name, path in self.surfaces.items():
             if not is_property(path):
                 raise ValueError(f"surfaces.{name}: {path!r} cannot name a property of JSBSim")
@@ -177,6 +181,11 @@ class Airframe(Strict):
         return (self.folder.relative_to(here) if inside else self.folder).as_posix() + self.variant
 
     @property
+    def fit(self) -> str:
+        """The autopilot and its sensors in a word: arduplane, arduplane@typical."""
+        return self.autopilot.removesuffix(".eq") + label(self.sensors)
+
+    @property
     def has_rudder(self) -> bool:
         """Whether the autopilot steers a rudder: the gains have a section of that name."""
         return "rudder" in self.gains
@@ -193,11 +202,16 @@ class Airframe(Strict):
         digest = hashlib.sha256()
         for file in sorted(p for p in self.folder.rglob("*") if p.is_file()):
             inside = file.relative_to(self.folder)
-            if inside.parts[0] != OTHERS or inside.name.partition(".")[0] == self.autopilot:
+            if inside.parts[0] != OTHERS or inside.stem in (self.autopilot, self.fit):
                 digest.update(str(inside).encode() + b"\0" + file.read_bytes())
         digest.update(repr(sorted(self.gain_values().items())).encode())
         if self.variant or self.autopilot != INVERTING:
-            own = [self.autopilot, self.equations_sha256, sorted(self.parameters.items())]
+            own = [
+                self.fit,
+                self.equations_sha256,
+                sorted(self.parameters.items()),
+                sorted(self.sensors.items()),
+            ]
             digest.update(repr(own).encode())
         return digest.hexdigest()
 
@@ -254,41 +268,3 @@ def first_error(error: ValidationError) -> tuple[tuple[str | int, ...], str]:
     if not first["loc"] and re.fullmatch(r"[a-z]\w*(\.\w+)+", key):
         return tuple(key.split(".")), message.partition(": ")[2]
     return first["loc"], message
-
-
-class AirframeFileError(ValueError):
-    """What is wrong with an airframe.toml: the message in one line, and the key and line that it is about."""
-
-    def __init__(self, path: Path, message: str, key: str = "", line: int | None = None) -> None:
-        super().__init__(f"{path}: {message}")
-        self.message = message
-        self.key = key
-        self.line = line
-
-
-def read_airframe(folder: Path) -> Airframe:
-    """The airframe.toml of a folder, whatever else the folder holds.
-
-    Raises  FileNotFoundError; AirframeFileError naming the file, the field and what is wrong with it
-    """
-    path = folder / "airframe.toml"
-    try:
-        text = read_text(path)
-        tables = parse_toml(text)
-    except FileNotFoundError:
-        raise FileNotFoundError(
-            f"no airframe {folder}: {path} does not exist; there are {', '.join(names())}, or give a folder"
-        ) from None
-    except TextError as error:
-        raise AirframeFileError(path, str(error), line=error.line) from None
-    for field in ("folder", "gains_file", "variant", "equations_sha256"):
-        if field in tables:
-            raise AirframeFileError(path, f"{field}: unknown field", field, line_of(text, [field]))
-    try:
-        return Airframe(**tables, folder=folder.resolve())
-    except ValidationError as error:
-        keys, message = first_error(error)
-        lines = (line_of(text, keys[:n]) for n in range(len(keys), 0, -1))
-        line = next((found for found in lines if found is not None), 1)
-        key = ".".join(map(str, keys))
-        raise AirframeFileError(path, f"{key}: {message}" if key else message, key, line) from None

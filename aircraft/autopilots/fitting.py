@@ -1,33 +1,41 @@
-"""Puts an airframe under the autopilot that was asked for, with that autopilot's parameters and lags."""
+"""Puts an airframe under the autopilot and sensors that were asked for, with their parameters and lags."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from aircraft.airframes.schema import INVERTING, OTHERS, Airframe, identified
+from aircraft.airframes.sensors import PRESETS, sensors_of
 from aircraft.equations.catalogue import equations_of, file_of, flies_its_files, text_of
 from aircraft.textfile import read_toml
 
 
 def fitted_with(airframe: Airframe, asked: Sequence[str]) -> Airframe:
-    """`airframe` under the autopilot asked for after an @, or its own; its name says which.
+    """`airframe` under the autopilot and sensors asked for after an @, or its own; its name says which.
 
     The parameters are the autopilot's defaults, what the airframe says of that autopilot in
-    FOLDER/autopilots/AUTOPILOT.toml, and for its own autopilot what airframe.toml says.
+    FOLDER/autopilots/AUTOPILOT.toml, and for its own autopilot what airframe.toml says. Lags are those
+    identified under just this autopilot and these sensors.
     Raises  ValueError naming what there is not, or the file and what is wrong with it
     """
-    if len(asked) > 1:
-        raise ValueError(f"{airframe.name}@{'@'.join(asked)}: name one autopilot")
-    other = asked[0] if asked and asked[0] != airframe.autopilot else ""
-    changes: dict[str, Any] = {}
-    if other:
-        changes |= {"autopilot": other, "variant": f"@{other}", "parameters": {}}
-        changes |= {"identified": None, "step_factor": 1.0}
-        changes |= _beside(airframe, other)
-    found = airframe.model_copy(update=changes)
-    if found.autopilot == INVERTING and not other:
+    presets = [a for a in asked if a in PRESETS]
+    others = [a for a in asked if a not in PRESETS]
+    if len(others) > 1 or len(presets) > 1:
+        raise ValueError(f"{airframe.name}@{'@'.join(asked)}: name one autopilot and one set of sensors")
+    changes: dict[str, Any] = {"variant": ""}
+    if others and others[0] != airframe.autopilot:
+        changes |= {"autopilot": others[0], "parameters": {}, "step_factor": 1.0, "identified": None}
+        changes["variant"] += f"@{others[0]}"
+    if presets and PRESETS[presets[0]] != sensors_of(airframe.sensors):
+        changes |= {"sensors": {"preset": presets[0]}, "identified": None}
+        changes["variant"] += f"@{presets[0]}"
+    found = airframe.model_copy(update=changes) if changes["variant"] else airframe
+    if found.variant:
+        found = found.model_copy(update=_said(found))
+    if found.autopilot == INVERTING and flies_its_files(found):
         return found
     known = equations_of(found).parameters
     if unknown := sorted(found.parameters.keys() - known.keys()):
@@ -35,18 +43,31 @@ def fitted_with(airframe: Airframe, asked: Sequence[str]) -> Airframe:
             f"{airframe.folder}: parameters.{unknown[0]}: {found.autopilot} has no such parameter;"
             f" see: testbed aircraft autopilot {found.argument} --parameters"
         )
-    parameters = {name: p.default for name, p in known.items()} | found.parameters
-    after: dict[str, Any] = {"parameters": parameters}
-    if found.autopilot != INVERTING:
-        after["name"] = f"{airframe.name}@{found.autopilot.removesuffix('.eq')}"
-    if not flies_its_files(found) and not file_of(found).is_relative_to(found.folder):
+    after: dict[str, Any] = {"parameters": {name: p.default for name, p in known.items()} | found.parameters}
+    suffix = found.fit.removeprefix(INVERTING)
+    after["name"] = airframe.name + (suffix if suffix.startswith("@") or not suffix else f"@{suffix}")
+    if not file_of(found).is_relative_to(found.folder):
         after["equations_sha256"] = hashlib.sha256(text_of(found).encode()).hexdigest()
     return found.model_copy(update=after)
 
 
-def _beside(airframe: Airframe, autopilot: str) -> dict[str, Any]:
-    """What the airframe's folder says of an autopilot that is not its own: parameters, identified lags."""
-    path = airframe.folder / OTHERS / f"{autopilot.removesuffix('.eq')}.toml"
+def _said(airframe: Airframe) -> dict[str, Any]:
+    """What the airframe's folder says of this autopilot and these sensors: parameters, identified lags."""
+    found: dict[str, Any] = {}
+    folder = airframe.folder / OTHERS
+    other = airframe.autopilot.removesuffix(".eq")
+    for name in dict.fromkeys((other, airframe.fit)):
+        path = folder / f"{name}.toml"
+        tables = _tables(path)
+        if name == other and "parameters" in tables and airframe.variant.startswith(f"@{airframe.autopilot}"):
+            found["parameters"] = tables["parameters"]
+        if name == airframe.fit and "identified" in tables:
+            found["identified"] = tables["identified"]
+    return found
+
+
+def _tables(path: Path) -> dict[str, Any]:
+    """[parameters] and [identified] of a file beside an airframe. Raises ValueError naming what is wrong."""
     try:
         tables = read_toml(path)
     except FileNotFoundError:
@@ -59,9 +80,9 @@ def _beside(airframe: Airframe, autopilot: str) -> dict[str, Any]:
             wrong = [k for k, v in value.items() if isinstance(v, bool) or not isinstance(v, int | float)]
             if wrong:
                 raise ValueError(f"{path}: parameters.{wrong[0]}: must be a number")
-            found["parameters"] = {k: float(v) for k, v in value.items()}
+            found[key] = {k: float(v) for k, v in value.items()}
         elif key == "identified":
-            found["identified"] = identified(value)
+            found[key] = identified(value)
         else:
             raise ValueError(f"{path}: {key}: unknown; there are [parameters] and [identified]")
     return found

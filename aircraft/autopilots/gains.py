@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aircraft.airframes.schema import INVERTING, Airframe, Identified, check_gains, identified
-from aircraft.equations.catalogue import of_airframe
+from aircraft.equations.catalogue import equations_of
 from aircraft.textfile import read_toml
 
 _UNIT = r"(_(radps|per_s2?|s|mps2?|rad|m|kg))?"
@@ -35,7 +35,7 @@ class GainFault:
 
 def needed_gains(airframe: Airframe) -> set[str]:
     """The gains that the autopilot's equations use for this airframe, section_name."""
-    return of_airframe(airframe).needed()
+    return equations_of(airframe).of(airframe.gain_values()).needed()
 
 
 def gain_faults(airframe: Airframe) -> list[GainFault]:

@@ -23,7 +23,7 @@ def loops(airframe: Airframe) -> dict[str, str]:
     mine = of_airframe(airframe)
     outputs = {e.name: e.output for channel in mine.channels for e in channel.equations if e.output}
     named = [i.removesuffix("_probe") for i in mine.inputs if i.endswith("_probe")]
-    return {name: str(outputs[f"{name}_norm"]) for name in named}
+    return {name: str(outputs.get(f"{name}_norm") or outputs[f"servo_{name}"]) for name in named}
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ _CALLS: dict[str, Any] = {
     "sin": np.sin,
     "cos": np.cos,
     "atan": np.arctan,
+    "normal": lambda: 0.0,
 }
 
 

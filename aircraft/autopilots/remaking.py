@@ -80,7 +80,7 @@ def remade_lags(
         found += f"rate_min = {-falls:.3g}\nrate_max = {rises:.3g}\n"
     path = airframe.gains_file or airframe.folder / "airframe.toml"
     if airframe.variant and airframe.gains_file is None:
-        path = airframe.folder / OTHERS / f"{airframe.autopilot.removesuffix('.eq')}.toml"
+        path = airframe.folder / OTHERS / f"{airframe.fit}.toml"
     before = path.read_text(encoding="utf-8") if path.is_file() else ""
     return Remade(path, replace_tables(before, "identified", found).lstrip("\n"), found)
 

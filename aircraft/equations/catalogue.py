@@ -7,8 +7,10 @@ from functools import cache
 from pathlib import Path
 
 from aircraft.airframes.schema import INVERTING, Airframe
+from aircraft.airframes.sensors import Sensors, sensors_of
 from aircraft.equations.compiler import system_xml
 from aircraft.equations.language import DESIGN_DT_S, Equations, parse
+from aircraft.equations.sensing import sensed, sensor_values
 from aircraft.textfile import read_text
 
 AUTOPILOTS = Path(__file__).parents[1] / "autopilots"
@@ -44,29 +46,41 @@ def text_of(airframe: Airframe) -> str:
 def equations_of(airframe: Airframe) -> Equations:
     """The equations of an airframe's autopilot, for all airframes. Raises ValueError naming file and line."""
     path = file_of(airframe)
-    try:
-        return _parsed(text_of(airframe))
-    except ValueError as error:
-        said = str(error)
-        raise ValueError(said if said.startswith(str(path)) else f"{path}: {said}") from None
+    return _parsed(path, text_of(airframe))
 
 
 @cache
-def _parsed(text: str) -> Equations:
-    return parse(text)
+def _parsed(path: Path, text: str) -> Equations:
+    try:
+        return parse(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def of_airframe(airframe: Airframe) -> Equations:
-    """The autopilot's equations, those that this airframe has."""
-    return equations_of(airframe).of(airframe.gain_values())
+    """The autopilot's equations, those that this airframe has, with its sensors and servos.
+
+    Raises  ValueError naming the file and what is wrong with it
+    """
+    path, text = file_of(airframe), text_of(airframe)
+    return _of(path, text, tuple(airframe.gain_values()), sensors_of(airframe.sensors))
+
+
+@cache
+def _of(path: Path, text: str, gains: tuple[str, ...], sensors: Sensors) -> Equations:
+    found = _parsed(path, text).of(gains)
+    try:
+        return sensed(found, sensors)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def values_of(airframe: Airframe) -> dict[str, float]:
     """What the autopilot's properties hold: name -> gain or parameter. Raises ValueError."""
-    if airframe.autopilot == INVERTING:
+    if airframe.autopilot == INVERTING and sensors_of(airframe.sensors).perfect:
         return airframe.gain_values()
     mine = of_airframe(airframe)
-    gains = airframe.gain_values()
+    gains = airframe.gain_values() | sensor_values(sensors_of(airframe.sensors))
     needed = mine.needed()
     found = {name: value for name, value in gains.items() if name in needed}
     parameters = {name: p.default for name, p in mine.parameters.items()}
@@ -75,7 +89,8 @@ def values_of(airframe: Airframe) -> dict[str, float]:
 
 def flies_its_files(airframe: Airframe) -> bool:
     """Whether systems/autopilot.xml of the folder flies as it is; else the equations are compiled."""
-    return airframe.autopilot == INVERTING and not airframe.variant
+    plain = airframe.autopilot == INVERTING and not airframe.variant
+    return plain and sensors_of(airframe.sensors).perfect
 
 
 def compiled(airframe: Airframe, dt: float = DESIGN_DT_S) -> str | None:
@@ -83,33 +98,31 @@ def compiled(airframe: Airframe, dt: float = DESIGN_DT_S) -> str | None:
 
     Raises  ValueError naming file and line of what does not compile
     """
-    if flies_its_files(airframe):
-        return None
-    return _compiled(str(file_of(airframe)), text_of(airframe), tuple(values_of(airframe).items()),
-                     tuple(airframe.gain_values()), dt, airframe.engines.count)  # fmt: skip
-
-
-@cache
-def _compiled(
-    path: str,
-    text: str,
-    values: tuple[tuple[str, float], ...],
-    gains: tuple[str, ...],
-    dt: float,
-    engines: int,
-) -> str:
-    try:
-        return system_xml(parse(text).of(gains), dict(values), dt, engines)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    return None if flies_its_files(airframe) else xml_of(airframe, dt)
 
 
 def xml_of(airframe: Airframe, dt: float = DESIGN_DT_S) -> str:
     """The system of an airframe's autopilot, as a folder holds it; raises ValueError as `compiled` does."""
-    made = compiled(airframe, dt)
-    if made is not None:
-        return made
-    return system_xml(equations_of(airframe), values_of(airframe), dt, airframe.engines.count)
+    path, text, sensors = file_of(airframe), text_of(airframe), sensors_of(airframe.sensors)
+    values = tuple(values_of(airframe).items())
+    return _compiled(path, text, tuple(airframe.gain_values()), sensors, values, dt, airframe.engines.count)
+
+
+@cache
+def _compiled(
+    path: Path,
+    text: str,
+    gains: tuple[str, ...],
+    sensors: Sensors,
+    values: tuple[tuple[str, float], ...],
+    dt: float,
+    engines: int,
+) -> str:
+    try:
+        return system_xml(_of(path, text, gains, sensors), dict(values), dt, engines)
+    except ValueError as error:
+        said = str(error)
+        raise ValueError(said if said.startswith(str(path)) else f"{path}: {said}") from None
 
 
 def unused(airframe: Airframe, given: Mapping[str, float]) -> list[str]:

@@ -65,6 +65,8 @@ def _xml(node: ast.AST, properties: Mapping[str, str], period: str) -> str:
             return f"<max>{within(low)}{element('min', x, high)}</max>"
         case ast.Call(func=ast.Name(id="interp"), args=args):
             return element("interpolate1d", *args)
+        case ast.Call(func=ast.Name(id="normal")):
+            return "<random/>"
         case ast.Call(func=ast.Name(id=name), args=args):
             return element("ifthen" if name == "where" else name, *args)
     raise ValueError(f"cannot express {ast.unparse(node)} in JSBSim")
@@ -75,11 +77,11 @@ def system_xml(
 ) -> str:
     """The `<system>` of these equations with `gains` (name -> value, SI) as the properties' defaults.
 
-    engines how many get the throttle that the equations drive
-    dt      s, the period of JSBSim: channels with a rate in Hz are evaluated every so many of these
-    Raises  ValueError naming what has no value
+    equations  those that the airframe has
+    engines    how many get the throttle that the equations drive
+    dt         s, the period of JSBSim: channels with a rate in Hz are evaluated every so many of these
+    Raises     ValueError naming what has no value
     """
-    equations = equations.of(gains)
     assigned = equations.assigned()
     values = {n: p.default for n, p in equations.parameters.items()} | dict(gains)
     names = {**dict.fromkeys([*equations.inputs, *values, *assigned])}

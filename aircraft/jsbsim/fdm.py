@@ -136,6 +136,10 @@ class Fdm:
         n["wind_down"].set_double_value(-wind[2] / M_PER_FT)
         self._wind = wind
 
+    def seed(self, seed: int) -> None:
+        """Start the random numbers of this instance, of its sensors and its turbulence, from a seed."""
+        self.node("simulation/randomseed").set_double_value(seed)
+
     def turbulence(self, wind_at_20ft: float, severity: int, seed: int) -> None:
         """JSBSim's own gusts from now on, on top of any wind: MIL-F-8785C, of this aircraft alone.
 
@@ -143,7 +147,7 @@ class Fdm:
         severity      JSBSim's index, which decides above 2000 ft: 3 light, 4 moderate, 6 severe
         seed          of this instance's random numbers
         """
-        self.node("simulation/randomseed").set_double_value(seed)
+        self.seed(seed)
         milspec = "atmosphere/turbulence/milspec/"
         self.node(milspec + "windspeed_at_20ft_AGL-fps").set_double_value(wind_at_20ft / M_PER_FT)
         self.node(milspec + "severity").set_double_value(severity)

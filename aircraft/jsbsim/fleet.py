@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aircraft.airframes.schema import Airframe
+from aircraft.airframes.sensors import sensors_of
 from aircraft.jsbsim.fdm import Fdm, telemetry
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin, motion, positions
 from aircraft.jsbsim.rest import Start
@@ -78,6 +79,8 @@ class JsbsimFleet:
             vehicle.start(Start(x, y, z, theta, v, wind=tuple(air)))
             if self._turbulence:
                 vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
+            elif sensors_of(vehicle.airframe.sensors).noisy:
+                vehicle.seed(int(rng.integers(1, 2**31)))
         self._faults = [""] * n
         self._alike = len({f.channels for f in self.vehicles}) == 1  # the same channels
         most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]

@@ -97,8 +97,6 @@ speed_dot_mps2 = 0
 speed_slewed_mps = airspeed_mps
 height_dot_mps = zeta_mps
 energy_rate_low = 0
-throttle_trim = FW_THR_TRIM
-throttle_integral = throttle_now - FW_THR_TRIM
 throttle_out = throttle_now
 pitch_demand_rad = pitch_rad
 balance_integral_rad = pitch_rad - FW_PSP_OFF / 57.29578
@@ -107,6 +105,17 @@ roll_integral = aileron_now / (scaler * scaler)
 pitch_integral = -elevator_now / (scaler * scaler)
 aileron_out = aileron_now
 elevator_out = elevator_now
+
+== level at 50 Hz ==
+# Throttle of level flight over airspeed, where the ends are given.
+throttle_low = where(FW_THR_ASPD_MIN > 0, FW_THR_ASPD_MIN, FW_THR_TRIM)
+throttle_high = where(FW_THR_ASPD_MAX > 0, FW_THR_ASPD_MAX, FW_THR_TRIM)
+throttle_slow = FW_THR_TRIM + (throttle_low - FW_THR_TRIM) * clip((FW_AIRSPD_TRIM - speed_slewed_mps) / max(FW_AIRSPD_TRIM - FW_AIRSPD_MIN, 0.1), 0, 1)
+throttle_trim = throttle_slow + (throttle_high - FW_THR_TRIM)
+  * clip((speed_slewed_mps - FW_AIRSPD_TRIM) / max(FW_AIRSPD_MAX - FW_AIRSPD_TRIM, 0.1), 0, 1)
+
+== track_throttle if tracking at 50 Hz ==
+throttle_integral = throttle_now - throttle_trim
 
 == guidance if on at 50 Hz ==
 # Airspeed through the wind triangle: the wanted velocity over the ground less the wind.
@@ -159,12 +168,6 @@ energy_rate_demand = clip(energy_rate_wanted, energy_rate_min, energy_rate_max)
 energy_rate_low = energy_rate_low + period / (period + max(FW_T_STE_R_TC, 0.001))
   * (9.80665 * zeta_mps + speed_mps * speed_dot_mps2 - energy_rate_low)
 energy_rate_error = energy_rate_demand - energy_rate_low
-# Throttle of level flight over airspeed, where the ends are given.
-throttle_low = where(FW_THR_ASPD_MIN > 0, FW_THR_ASPD_MIN, FW_THR_TRIM)
-throttle_high = where(FW_THR_ASPD_MAX > 0, FW_THR_ASPD_MAX, FW_THR_TRIM)
-throttle_slow = FW_THR_TRIM + (throttle_low - FW_THR_TRIM) * clip((FW_AIRSPD_TRIM - speed_slewed_mps) / max(FW_AIRSPD_TRIM - FW_AIRSPD_MIN, 0.1), 0, 1)
-throttle_trim = throttle_slow + (throttle_high - FW_THR_TRIM)
-  * clip((speed_slewed_mps - FW_AIRSPD_TRIM) / max(FW_AIRSPD_MAX - FW_AIRSPD_TRIM, 0.1), 0, 1)
 throttle_feed = throttle_trim + where(energy_rate_demand > 0, (FW_THR_MAX - throttle_trim) * energy_rate_demand / energy_rate_max,
   (throttle_trim - FW_THR_MIN) * energy_rate_demand / -energy_rate_min)
 throttle_integral = clip(throttle_integral + period * FW_T_THR_INTEG * energy_rate_error / energy_rate_span,
