@@ -8,7 +8,8 @@ from typing import Any
 
 import tomli_w
 
-from aircraft.airframes.schema import Airframe, Speeds, read_airframe
+from aircraft.airframes.reading import read_airframe
+from aircraft.airframes.schema import Airframe, Speeds
 from aircraft.airframes.setup import Engines, Setup
 from aircraft.autopilots.gains import needed_gains
 from aircraft.equations.catalogue import xml_of

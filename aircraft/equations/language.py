@@ -15,7 +15,14 @@ from functools import cache
 FUNCTIONS = {"min", "max", "abs", "sqrt", "sin", "cos", "atan", "where", "clip", "interp", "normal"}
 PERIOD = "period"  # in an equation: the time from one evaluation of its channel to the next [s]
 DESIGN_DT_S = 0.005  # period of the autopilot for which XML is written to a folder
-_ARGUMENTS = {"where": (3, 3), "clip": (3, 3), "min": (2, 99), "max": (2, 99), "interp": (5, 99), "normal": (0, 0)}
+_ARGUMENTS = {
+    "where": (3, 3),
+    "clip": (3, 3),
+    "min": (2, 99),
+    "max": (2, 99),
+    "interp": (5, 99),
+    "normal": (0, 0),
+}
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 _COMPARISONS = (ast.Gt, ast.Lt, ast.Eq, ast.NotEq)
 _NUMBER = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"

@@ -29,9 +29,9 @@ sent_zeta_mps = zeta_cmd_mps
 {command_delay}
 # Velocity: inertial sensors carry the estimate from one measurement of GPS to the next, so only its error has a lag.
 == gps_motion at 25 Hz ==
-late_east_fps = late_east_fps + where(on, min(period / max(sensor_gps_latency_error_s, 1e-6), 1), 1) * (true_east_fps - late_east_fps)
-late_north_fps = late_north_fps + where(on, min(period / max(sensor_gps_latency_error_s, 1e-6), 1), 1) * (true_north_fps - late_north_fps)
-late_climb_fps = late_climb_fps + where(on, min(period / max(sensor_gps_latency_error_s, 1e-6), 1), 1) * (true_climb_fps - late_climb_fps)
+late_east_fps = late_east_fps + where(on, period / (period + sensor_gps_latency_error_s + 1e-9), 1) * (true_east_fps - late_east_fps)
+late_north_fps = late_north_fps + where(on, period / (period + sensor_gps_latency_error_s + 1e-9), 1) * (true_north_fps - late_north_fps)
+late_climb_fps = late_climb_fps + where(on, period / (period + sensor_gps_latency_error_s + 1e-9), 1) * (true_climb_fps - late_climb_fps)
 
 == gps at {gps_rate_hz} Hz ==
 gps_east_fps = late_east_fps - true_east_fps + on * sensor_gps_noise_mps / 0.3048 * normal()
@@ -45,9 +45,9 @@ gps_arrived = max(gps_age_s > sensor_gps_latency_s, 1 - on)
 known_east_fps = where(gps_arrived, gps_east_fps, known_east_fps)
 known_north_fps = where(gps_arrived, gps_north_fps, known_north_fps)
 known_climb_fps = where(gps_arrived, gps_climb_fps, known_climb_fps)
-off_east_fps = off_east_fps + where(on, min(period / max(sensor_ekf_lag_s, 1e-6), 1), 1) * (known_east_fps - off_east_fps)
-off_north_fps = off_north_fps + where(on, min(period / max(sensor_ekf_lag_s, 1e-6), 1), 1) * (known_north_fps - off_north_fps)
-off_climb_fps = off_climb_fps + where(on, min(period / max(sensor_ekf_lag_s, 1e-6), 1), 1) * (known_climb_fps - off_climb_fps)
+off_east_fps = off_east_fps + where(on, period / (period + sensor_ekf_lag_s + 1e-9), 1) * (known_east_fps - off_east_fps)
+off_north_fps = off_north_fps + where(on, period / (period + sensor_ekf_lag_s + 1e-9), 1) * (known_north_fps - off_north_fps)
+off_climb_fps = off_climb_fps + where(on, period / (period + sensor_ekf_lag_s + 1e-9), 1) * (known_climb_fps - off_climb_fps)
 
 == velocity ==
 seen_east_fps = true_east_fps + off_east_fps
@@ -56,19 +56,19 @@ seen_climb_fps = true_climb_fps + off_climb_fps
 seen_ground_fps = sqrt(seen_east_fps * seen_east_fps + seen_north_fps * seen_north_fps)
 
 == airspeed at {airspeed_rate_hz} Hz ==
-seen_airspeed_fps = seen_airspeed_fps + where(on, min(period / max(sensor_airspeed_lag_s, 1e-6), 1), 1)
+seen_airspeed_fps = seen_airspeed_fps + where(on, period / (period + sensor_airspeed_lag_s + 1e-9), 1)
   * (true_airspeed_sensed_fps + on * sensor_airspeed_noise_mps / 0.3048 * normal() - seen_airspeed_fps)
 seen_qbar_psf = true_qbar_psf * seen_airspeed_fps * seen_airspeed_fps
   / max(true_airspeed_sensed_fps * true_airspeed_sensed_fps, 1)
 
 == baro at {baro_rate_hz} Hz ==
-seen_height_ft = seen_height_ft + where(on, min(period / max(sensor_baro_lag_s, 1e-6), 1), 1)
+seen_height_ft = seen_height_ft + where(on, period / (period + sensor_baro_lag_s + 1e-9), 1)
   * (true_height_ft + on * sensor_baro_noise_m / 0.3048 * normal() - seen_height_ft)
 
 == wind at 5 Hz ==
-seen_wind_east_fps = seen_wind_east_fps + where(on, min(period / max(sensor_wind_lag_s, 1e-6), 1), 1) * (true_wind_east_fps - seen_wind_east_fps)
-seen_wind_north_fps = seen_wind_north_fps + where(on, min(period / max(sensor_wind_lag_s, 1e-6), 1), 1) * (true_wind_north_fps - seen_wind_north_fps)
-seen_wind_down_fps = seen_wind_down_fps + where(on, min(period / max(sensor_wind_lag_s, 1e-6), 1), 1) * (true_wind_down_fps - seen_wind_down_fps)
+seen_wind_east_fps = seen_wind_east_fps + where(on, period / (period + sensor_wind_lag_s + 1e-9), 1) * (true_wind_east_fps - seen_wind_east_fps)
+seen_wind_north_fps = seen_wind_north_fps + where(on, period / (period + sensor_wind_lag_s + 1e-9), 1) * (true_wind_north_fps - seen_wind_north_fps)
+seen_wind_down_fps = seen_wind_down_fps + where(on, period / (period + sensor_wind_lag_s + 1e-9), 1) * (true_wind_down_fps - seen_wind_down_fps)
 
 # What a first-order lag lets through in one evaluation.
 == shares at 25 Hz ==
