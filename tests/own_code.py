@@ -20,8 +20,9 @@ class Slow:
 
     def __call__(self, view, nominal, limits):
         zeros = np.zeros(len(nominal))
-        wanted = limits.clip(Command(nominal.v * self.share, nominal.omega, nominal.zeta))
-        return Decision(wanted, zeros.astype(int), zeros, zeros.astype(bool), zeros, None, np.zeros(0))
+        chosen = limits.clip(Command(nominal.v * self.share, nominal.omega, nominal.zeta))
+        changed = np.abs(chosen.array() - limits.clip(nominal).array()).max(axis=1)
+        return Decision(chosen, zeros.astype(int), zeros, changed > 1e-6, changed, None, np.zeros(0))
 
 class Straight:
     def __init__(self, goal, speed_mps=SPEED):

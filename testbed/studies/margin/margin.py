@@ -202,8 +202,16 @@ def sentence(found: Margin) -> str:
     best = min(found.points, key=lambda p: (p.violations, -p.least_distance_m))
     return (
         f"no setting of {found.knob} up to {last} meets {rate_}: the best, {best.setting:g} {found.unit},"
-        f" loses {best.violations} of {best.runs}"
+        f" loses {best.violations} of {best.runs}{_unused(found)}"
     )
+
+
+def _unused(found: Margin) -> str:
+    """That the knob changed nothing, if it did not."""
+    seen = {(p.violations, p.least_distance_m, p.distinct) for p in found.points}
+    if len(seen) > 1:
+        return ""
+    return f"; every setting gave the same runs: the filter does not use {found.knob}, or nobody meets"
 
 
 def _point(setting: float, rows: list[dict[str, Any]], stage: str) -> Point:
