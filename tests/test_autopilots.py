@@ -12,7 +12,9 @@ import pytest
 
 from aircraft.airframe import copy, load
 from aircraft.airframes.naming import split
+from aircraft.autopilots.parameter_files import read_parameters
 from aircraft.autopilots.tuning import fly
+from aircraft.equations.catalogue import equations_of
 from aircraft.equations.compiler import system_xml
 from aircraft.equations.language import parse
 from aircraft.jsbsim.errors import FdmError
@@ -126,3 +128,52 @@ def test_a_run_names_airframe_and_autopilot(wing: Path, tmp_path: Path, call: Ca
     call("run", "paper-2-turn", "--plant", "jsbsim", *flags)
     assert '"wing@pid"' in (out / "manifest.json").read_text()
     assert call("verify", str(out)) == 0
+
+
+def test_ardupilots_parameter_file_of_900_lines_is_read(tmp_path: Path, call: Callable[..., int]) -> None:
+    rows = [f"OTHER{k}_VALUE,{k}" for k in range(880)]
+    rows += ["# old names", "RLL2SRV_P 1.466", "RLL2SRV_I\t0.2125", "RLL2SRV_D,0.01246", "RLL2SRV_TCONST,0.3"]
+    rows += [
+        "LIM_ROLL_CD,3500",
+        "TECS_CLMB_MAX,3",
+        "TECS_TIME_CONS,4",
+        *(f"SERVO{k}_TRIM 1500" for k in range(16)),
+    ]
+    file = tmp_path / "my.param"
+    file.write_text("\n".join(rows))
+    found = read_parameters(file, equations_of(load("x8@arduplane")).parameters)
+    assert found.values["RLL_RATE_FF"] == pytest.approx(0.408, abs=1e-3)
+    assert found.values["RLL_RATE_P"] == pytest.approx(0.0125, abs=1e-4)
+    assert found.values["RLL_RATE_I"] == pytest.approx(0.064, abs=1e-3)
+    assert found.values["ROLL_LIMIT_DEG"] == 35.0 and found.near == {"TECS_TIME_CONS": "TECS_TIME_CONST"}
+    assert len(found.unused) == 896
+    made = tmp_path / "mine"
+    assert (
+        call("aircraft", "copy", "x8", str(made), "--autopilot", "arduplane", "--param-file", str(file)) == 0
+    )
+    airframe = load(made)
+    assert airframe.name == "mine@arduplane"
+    assert airframe.parameters["TECS_CLMB_MAX"] == 3.0 and airframe.parameters["AIRSPEED_MAX"] == 22.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("TECS_CLMB_MAX", "line 1: not a parameter and its value"),
+        ("A,1\nTECS_CLMB_MAX,fast", "line 2: TECS_CLMB_MAX: not a number: fast"),
+        ("FW_R_TC,0.4", "none of its 1 parameters is one of this autopilot's"),
+    ],
+)
+def test_a_wrong_parameter_file_is_one_line(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "my.param").write_text(text)
+    with pytest.raises(ValueError, match=said):
+        read_parameters(tmp_path / "my.param", equations_of(load("x8@arduplane")).parameters)
+
+
+def test_qgroundcontrols_parameter_file_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "my.params"
+    file.write_text(
+        "# Onboard parameters for Vehicle 1\n1\t1\tFW_R_TC\t0.300000011920928955\t9\n1\t1\tSYS_ID\t4\t6\n"
+    )
+    found = read_parameters(file, equations_of(load("x8@px4")).parameters)
+    assert found.values == {"FW_R_TC": pytest.approx(0.3)} and found.unused == ["SYS_ID"]

@@ -119,7 +119,7 @@ def step(name: str, command: tuple[float, float, float], duration: float) -> Sco
     return score(f.t, y, before, after)
 
 
-# t63 of these loops on the X8's drag and thrust, computed apart from this code (a point mass in pitch), +-30 %.
+# t63 of these loops on the X8's drag and thrust, computed apart from this code (a point mass in pitch)
 @pytest.mark.parametrize(
     ("name", "command", "expected"),
     [

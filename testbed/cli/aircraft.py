@@ -19,6 +19,7 @@ from testbed.errors import UserError
 
 if TYPE_CHECKING:
     from aircraft.airframes.schema import Airframe
+    from aircraft.autopilots.parameter_files import ParameterFile
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -137,6 +138,12 @@ def copy(
         str | None,
         typer.Option("--autopilot", metavar="AUTOPILOT", help="the copy's own autopilot, as NAME@AUTOPILOT"),
     ] = None,
+    param_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--param-file", help="the autopilot's parameters: ArduPilot's .param, QGroundControl's .params"
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Copy an airframe to start your own from: its model, gains and sources in a new folder."""
@@ -145,19 +152,53 @@ def copy(
 
     if autopilot is not None:
         name = f"{split(name)[0]}@{autopilot}"
-    airframe_of(name)
+    airframe = airframe_of(name)
     try:
-        made = copied(name, folder)
-    except (FileExistsError, ValueError) as error:
+        given = _given(airframe, param_file)
+        made = copied(name, folder, given.on_defaults if given else None)
+    except (FileExistsError, FileNotFoundError, ValueError) as error:
         raise UserError(str(error)) from None
     except OSError as error:
         raise UserError(f"cannot write {folder}: {error.strerror}") from None
     files = sorted(str(p.relative_to(made)) for p in made.rglob("*") if p.is_file())
     if as_json:
-        print(json.dumps({"folder": str(folder), "files": files}, indent=2))
+        said = {"parameters": vars(given) | {"path": str(given.path)}} if given else {}
+        print(json.dumps({"folder": str(folder), "files": files} | said, indent=2))
         return
+    if given:
+        _show_given(given)
     print(f"{folder}: {', '.join(files)}")
     print(f"next: edit them, then: testbed aircraft check {folder}")
+
+
+def _given(airframe: Airframe, path: Path | None) -> ParameterFile | None:
+    """What a parameter file gives the airframe's autopilot."""
+    from aircraft.autopilots.parameter_files import read_parameters
+    from aircraft.equations.catalogue import equations_of
+
+    if path is None:
+        return None
+    known = equations_of(airframe).parameters
+    if not known:
+        raise ValueError(
+            f"--param-file: the autopilot {airframe.autopilot} has no parameters;"
+            " say --autopilot arduplane or --autopilot px4"
+        )
+    return read_parameters(path, known)
+
+
+def _show_given(given: ParameterFile) -> None:
+    """What was taken from a parameter file, and what was not."""
+    print(f"{given.path}: {len(given.values)} parameters of the autopilot")
+    for text in given.converted:
+        print(f"  converted: {text}")
+    for text in given.unusual:
+        print(f"  unusual: {text}")
+    for name, near in given.near.items():
+        print(f"  unknown: {name}; did you mean {near}?")
+    if given.unused:
+        text = f"unused ({len(given.unused)}): {', '.join(given.unused)}"
+        print(textwrap.fill(text, 100, initial_indent="  ", subsequent_indent="    "))
 
 
 def airframe_of(name: str, gains: Path | None = None) -> Airframe:
