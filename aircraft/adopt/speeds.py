@@ -13,7 +13,7 @@ from aircraft.airframes.schema import Speeds
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.geodesy import G_MPS2
 from aircraft.jsbsim.rest import Start
-from aircraft.jsbsim.steady import Trim, attempt
+from aircraft.jsbsim.steady import Trim, attempt, lacking
 
 Array = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def _lift(rig: Rig, speed: float, alpha: float) -> float:
 def _level(rig: Rig, v: float, near: Trim | None) -> Trim | None:
     """Level flight at v with some travel left to every surface; None if there is none."""
     try:
-        found = attempt(rig.fdm, Start(0.0, 0.0, 0.0, 0.0, v), 0.0, near)
+        found = attempt(rig.fdm, _start(v), 0.0, near)
     except FdmError:  # an engine that does not settle there
         return None
     if found is None or max(map(abs, (found.elevator, found.aileron, found.rudder))) > _MOST_COMMAND:
@@ -150,9 +150,17 @@ def _lowest(rig: Rig, v: float) -> Trim:
 def _why(rig: Rig, v: float, near: Trim | None) -> str:
     """What is missing for level flight at v."""
     try:
-        at = rig.trim(v, near)
+        at = attempt(rig.fdm, _start(v), 0.0, near)
+        if at is None:
+            return lacking(rig.fdm, _start(v), near)
     except FdmError as error:
         return str(error).split(": ", 1)[-1]
     names = ("elevator", "aileron", "rudder")
     worst = max(names, key=lambda name: abs(float(getattr(at, name))))
-    return f"{worst} {getattr(at, worst):.2f} at {v:.1f} m/s leaves no travel"
+    if abs(float(getattr(at, worst))) > _MOST_COMMAND:
+        return f"{worst} {getattr(at, worst):.2f} at {v:.1f} m/s leaves no travel"
+    return f"it would fly at an angle of attack of {np.degrees(at.alpha):.0f} deg at {v:.1f} m/s"
+
+
+def _start(v: float) -> Start:
+    return Start(0.0, 0.0, 0.0, 0.0, v)

@@ -26,9 +26,10 @@ _CRANKING_PERIODS = 1000  # by magneto and starter
 _BURNING = ("map-pa", "n1")  # states of pistons and turbines: they can stand still, or windmill
 _BOTH_MAGNETOS = 3.0
 _CHUNK = 20  # periods between two looks at the engines
-_MOST_PERIODS = 24_000  # two minutes at 200 Hz; spools take twenty seconds
+_MOST_PERIODS = 8_000  # 40 s at 200 Hz; spools take twenty seconds
 _SETTLED = 1e-9  # change over a chunk, as a share of the largest force and of each state
 _NEARLY = 1e-7  # a change that counts as settled where an engine does not come nearer
+_CYCLING = 1e-4  # of a governor that hunts: what is left after that time
 _PATIENCE = 40  # chunks without progress until it does
 _TURNS = 1.0  # rpm or percent: a slower shaft counts as standing
 _NOTHING = 1e-3  # rpm, percent, Pa, lbs or lbs ft: changes of smaller values are taken as shares of this
@@ -84,7 +85,7 @@ def spools(fdm: Held) -> list[tuple[Any, float]]:
 def _steady(fdm: Held) -> NDArray[np.float64]:
     """Run the captive aircraft until its engines are steady; returns their states and forces."""
     now = _look(fdm)
-    least, idle = np.inf, 0
+    least, idle, change = np.inf, 0, np.inf
     for _ in range(_MOST_PERIODS // _CHUNK):
         before = now
         run_held(fdm, _CHUNK)
@@ -96,6 +97,8 @@ def _steady(fdm: Held) -> NDArray[np.float64]:
         least = min(least, change)
         if idle > _PATIENCE and change < _NEARLY:
             return now
+    if change < _CYCLING:
+        return now
     what = "engines are" if fdm.engine_states else "the model's own flight control is"
     raise FdmError(f"{fdm.airframe.name}: {what} not steady after {_MOST_PERIODS} periods at rest")
 

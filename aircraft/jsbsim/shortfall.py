@@ -88,6 +88,11 @@ def missing(fdm: Instance, problem: Problem, p: Array, guesses: Sequence[Array],
         return np.concatenate([left[:3], _MOMENTS * left[3:]])
 
     x = nearest(Problem(weighed, problem.lowest, problem.highest), p, guesses)
+    return lacking(fdm, problem, p, x, heading)
+
+
+def lacking(fdm: Instance, problem: Problem, p: Array, x: Array, heading: float) -> str:
+    """The largest force or moment that the flight with unknowns x leaves at p, and its commands."""
     problem.residuals(p, x)
     left = in_path_axes(fdm, p, x, heading)
     along, aside, up = left[:3] * M_PER_FT

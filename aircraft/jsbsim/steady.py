@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,24 @@ def attempt(fdm: Instance, start: Start, omega: float = 0.0, near: Trim | None =
         if x is not None:
             return _trim_at(fdm, x, speed, climb, heading)
     return None
+
+
+def lacking(fdm: Instance, start: Start, near: Trim | None = None) -> str:
+    """What `attempt` leaves unbalanced where it comes nearest, in words; quick, and rough."""
+    speed, climb, heading, problem = _stated(fdm, start)
+    p = np.array([speed, climb, 0.0])
+    best: list[tuple[float, Array]] = []
+
+    def watched(at: Array, x: Array) -> Array:
+        left = problem.residuals(at, x)
+        size = float(np.abs(left).max())
+        if math.isfinite(size) and (not best or size < best[0][0]):
+            best[:] = [(size, x.copy())]
+        return left
+
+    guess = first_guess(problem, p) if near is None else _unknowns(near, len(problem.lowest))
+    correct(replace(problem, residuals=watched), p, guess)
+    return shortfall.lacking(fdm, problem, p, best[0][1], heading) if best else "its forces are not finite"
 
 
 def _stated(fdm: Instance, start: Start) -> tuple[float, float, float, Problem]:

@@ -59,6 +59,8 @@ def adopt(
             f" disk margin {w['disk_margin']:.2f}"
         )
         print(f"{folder}: airframe.toml, README.md, the model and its autopilot")
-        print(f"next: testbed run straight --plant jsbsim --airframe {folder} --scale-to-airframe")
+        print(
+            f"next: testbed run paper-2-turn --plant jsbsim --set \"airframes=['{folder}']\" --scale-to-airframe"
+        )
     if verdict.kind != GOOD:
         raise typer.Exit(1)

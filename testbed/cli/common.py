@@ -116,10 +116,37 @@ def folder_name(s: Scenario, parts: Parts | None, *more: str) -> str:
     return "-".join([s.name, *more, *(origin.name.rpartition(".")[2] for origin in own.values())])
 
 
-def scenario_of(source: str, overrides: list[str] | None, seed: int | None, plant: str | None) -> Scenario:
+ScaleOption = Annotated[
+    bool,
+    typer.Option(
+        "--scale-to-airframe",
+        help="scale speeds, lengths, times and limits to the airframes' speeds; the description says by what",
+    ),
+]
+
+
+def scenario_of(
+    source: str, overrides: list[str] | None, seed: int | None, plant: str | None, scale: bool = False
+) -> Scenario:
     from testbed.scenario.scenario import load
 
-    return load(source, [*with_seed(overrides, seed), *([f"plant={plant}"] if plant is not None else [])])
+    s = load(source, [*with_seed(overrides, seed), *([f"plant={plant}"] if plant is not None else [])])
+    return to_airframes({"": s})[""] if scale else s
+
+
+def to_airframes(scenarios: Mapping[str, Scenario]) -> dict[str, Scenario]:
+    """The scenarios at the speeds of the airframes that the first of them flies which flies any.
+
+    Raises  UserError where none does
+    """
+    from testbed.components.catalogue import airframes
+    from testbed.scenario.scaling import scaled
+
+    flying = next((s for s in scenarios.values() if s.plant != "unicycle"), None)
+    if flying is None:
+        raise UserError("--scale-to-airframe: a unicycle has no airframe; give --plant jsbsim or lagged")
+    known = airframes(flying)
+    return {label: scaled(s, known) for label, s in scenarios.items()}
 
 
 def with_seed(overrides: list[str] | None, seed: int | None) -> list[str]:

@@ -14,6 +14,7 @@ from testbed.cli.common import (
     OutOption,
     OverwriteOption,
     PartsOption,
+    ScaleOption,
     ScenarioArg,
     SeedOption,
     SetOption,
@@ -23,6 +24,7 @@ from testbed.cli.common import (
     named,
     show,
     show_study,
+    to_airframes,
     with_seed,
 )
 from testbed.errors import UserError
@@ -51,6 +53,7 @@ def compare(
     parts: PartsOption = None,
     set_: SetOption = None,
     seed: SeedOption = None,
+    scale: ScaleOption = False,
     out: OutOption = None,
     force: ForceOption = False,
     overwrite: OverwriteOption = False,
@@ -98,6 +101,8 @@ def compare(
     asked = {"plant": plants, "filter": filters, "guidance": guidance}
     found = combinations(scenario, with_seed(set_, seed), asked, named(parts))
     scenarios = {label: c.scenario for label, c in found.items()}
+    if scale:
+        scenarios = to_airframes(scenarios)
     own = {label: c.parts for label, c in found.items() if c.parts is not None}
     first = next(iter(scenarios.values()))
     where = out or Path("runs") / f"{first.name}-compare"

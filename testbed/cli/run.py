@@ -12,6 +12,7 @@ from testbed.cli.common import (
     OverwriteOption,
     PartsOption,
     PlantOption,
+    ScaleOption,
     ScenarioArg,
     SeedOption,
     SetOption,
@@ -34,6 +35,7 @@ def run(
     set_: SetOption = None,
     seed: SeedOption = None,
     parts: PartsOption = None,
+    scale: ScaleOption = False,
     out: OutOption = None,
     force: ForceOption = False,
     overwrite: OverwriteOption = False,
@@ -44,7 +46,7 @@ def run(
     from testbed.report.tables import scorecard
     from testbed.studies.common.found import titled
 
-    s = scenario_of(scenario, set_, seed, plant)
+    s = scenario_of(scenario, set_, seed, plant, scale)
     own = parts_of(parts)
     where = out or Path("runs") / folder_name(s, own, s.plant)
     result = fly_into(s, where, force, overwrite, own)

@@ -108,11 +108,17 @@ def _scenario(path: str) -> Checked | None:
 
 
 def _surfaces(run: Recorded) -> set[str]:
-    """Columns of an airframe's surfaces, as its time at their stops names them; any of a user's plant."""
+    """Columns of an airframe's surfaces, named as angles; any column of a user's plant."""
     if "plant" in run.parts:
         return set(run.vehicles)
     limits = run.guarantees.get(COMMAND_LIMITS.id, {})
-    return set(limits.get("detail", {}).get("share_at_stop", {}))
+    stops = set(limits.get("detail", {}).get("share_at_stop", {}))
+    flown = (
+        {name for name in run.vehicles if name.endswith("_rad")}
+        if run.scenario["plant"] == "jsbsim"
+        else set()
+    )
+    return stops | flown
 
 
 def required(run: Recorded) -> list[str]:
