@@ -17,6 +17,7 @@ from testbed.measures.between_samples import TOLERANCE_M
 from testbed.measures.roles import Mask, Roles
 from testbed.measures.run_statistics import RunStatistics
 from testbed.records.verdict import Verdict
+from testbed.scenario import guidance_rules
 from testbed.scenario.scenario import Scenario
 
 # Round-off of a barrier evaluated at coordinates of some hundred metres.
@@ -197,8 +198,10 @@ def _rows(f: Flown, v: Verdict) -> Verdict:
 
 def _goals(f: Flown, v: Verdict) -> Verdict:
     s, statistics = f.scenario, f.statistics
-    reached = statistics.goal.value
-    worst = int(np.argmax(reached if f.under is None else np.where(f.under, reached, -np.inf)))
+    seeking = _seeking(f)
+    if not seeking.any():
+        return v.but(why="no vehicle seeks a goal")
+    worst = int(np.argmax(np.where(seeking, statistics.goal.value, -np.inf)))
     value = float(statistics.goal.value[worst])
     v = v.but(
         value=value,
@@ -207,12 +210,11 @@ def _goals(f: Flown, v: Verdict) -> Verdict:
         instant=float(statistics.goal.t[worst]),
         vehicles=(worst + 1,),
     )
-    passed = statistics.passed if f.under is None else statistics.passed[f.under]
-    late = int(np.isnan(passed).sum())
+    late = int(np.isnan(statistics.passed[seeking]).sum())
     if late:
-        v = v.but(why=f"{late} of {passed.size} not within it by the end")
+        v = v.but(why=f"{late} of {seeking.sum()} not within it by the end")
     else:
-        v = v.but(detail={"last_passed_s": float(np.max(passed))})
+        v = v.but(detail={"last_passed_s": float(np.max(statistics.passed[seeking]))})
     return decide(v, value <= s.goal_radius_m, f.end)
 
 
@@ -222,6 +224,7 @@ def _intervention(f: Flown, v: Verdict) -> Verdict:
     share = statistics.override_steps / max(1, statistics.filter_steps)
     worst = int(np.argmax(share))
     path = statistics.path - (f.straight - f.scenario.goal_radius_m)
+    path[~_seeking(f)] = np.nan
     time = statistics.passed - (f.solo_time_s if f.solo_time_s is not None else np.nan)
     detail = {
         "altered_v_m": float(statistics.altered[:, 0].sum()),
@@ -231,6 +234,13 @@ def _intervention(f: Flown, v: Verdict) -> Verdict:
         "time_added_s": _known(time),
     }
     return v.but(value=float(share[worst]), vehicles=(worst + 1,), why="reported, not judged", detail=detail)
+
+
+def _seeking(f: Flown) -> np.ndarray:
+    """Whether each vehicle has a goal to come to; an intruder's is its own affair."""
+    seeking = np.ones(f.statistics.vehicles, dtype=bool)
+    seeking[list(guidance_rules.goalless(f.scenario))] = False
+    return seeking if f.under is None else seeking & f.under
 
 
 def _known(values: np.ndarray) -> list[float | None]:

@@ -17,15 +17,15 @@ from filters.cbf.fence_constraints import FenceConstraints
 from filters.cbf.intruders import Intruders
 from filters.cbf.theorem_monitor import Monitor
 from filters.filter import Choose, Filter
-from filters.model import Array, Limits
+from filters.model import Array, Command, Limits
 from testbed.components import remedies
 from testbed.components.barriers import MAKERS
 from testbed.components.fences import fences
-from testbed.components.guidance import Constant, Guidance, NearIdentity
+from testbed.components.following.making import fleet_guidance
+from testbed.components.guidance import Guidance
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario import control, fleet
-from testbed.scenario import guidance as scenario_guidance
 from testbed.scenario.location import path_of, relative
 from testbed.scenario.scenario import Scenario
 
@@ -152,24 +152,18 @@ def filter_(s: Scenario, b: Barrier, goal: Array) -> Choose:
     return remedies.wrap(s, FILTERS[s.filter.kind](s, own, goal), own, lags)
 
 
-def _fly_manoeuvre(s: Scenario, b: Barrier) -> Guidance:
-    gamma = b.manoeuvre(s.vehicles)
-    if gamma is None:
-        raise UserError(
-            'guidance.kind: "manoeuvre" needs one evading manoeuvre; this barrier has one per pair'
-        )
-    return Constant(gamma)
-
-
-GUIDANCE: dict[type, Callable[[Any, Scenario, Array, Barrier], Guidance]] = {
-    scenario_guidance.NearIdentity: lambda c, s, goal, b: NearIdentity(goal, c.lookahead_m, c.gain_per_s),
-    scenario_guidance.EvadingManoeuvre: lambda c, s, goal, b: _fly_manoeuvre(s, b),
-}
-
-
 def guidance(s: Scenario, goal: Array, b: Barrier) -> Guidance:
     """What the vehicles want, for goals (N, 3) m."""
-    return GUIDANCE[type(s.guidance)](s.guidance, s, goal, b)
+
+    def gamma() -> Command:
+        found = b.manoeuvre(s.vehicles)
+        if found is None:
+            raise UserError(
+                'guidance.kind: "manoeuvre" needs one evading manoeuvre; this barrier has one per pair'
+            )
+        return found
+
+    return fleet_guidance(fleet.guidances(s), limits(s), goal, gamma)
 
 
 def _unicycle(s: Scenario) -> Plant:

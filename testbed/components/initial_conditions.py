@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from filters.model import Array, State
+from testbed.scenario import guidance_rules
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.start import Circle
 
@@ -42,6 +43,8 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
         goal = np.array([[q.goal_x_m, q.goal_y_m, q.goal_z_m] for q in p])
     if scenario.vehicle:
         x, y, theta, z, goal = _own_places(scenario, x, y, theta, z, goal)
+    for k, own in guidance_rules.goals(scenario).items():
+        goal[k] = own
     if start.round_decimals is not None:
         x, y = np.round(x, start.round_decimals), np.round(y, start.round_decimals)
         theta = np.radians(np.round(np.degrees(theta), start.round_decimals))

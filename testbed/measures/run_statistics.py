@@ -18,6 +18,7 @@ from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.roles import Roles
 from testbed.measures.saturation import Saturation
+from testbed.measures.track_error import TrackErrors
 
 # |h| [m] below which a pair stands at the boundary of the safe set.
 BOUNDARY_M = 0.05
@@ -55,6 +56,7 @@ class RunStatistics:
     fences      how near vehicles came to their fences; None without fences
     bends       how paths bend between samples
     roles       who is under the filter; None without intruders
+    tracks      distances from recorded tracks that vehicles follow; None where none follows one
     """
 
     vehicles: int
@@ -66,6 +68,7 @@ class RunStatistics:
     arcs: ArcApproach | None = None
     fences: FenceStatistics | None = None
     roles: Roles | None = None
+    tracks: TrackErrors | None = None
     bends: Bends = field(init=False)
     separation: Extreme = field(init=False)
     between: Extreme = field(init=False)

@@ -10,6 +10,9 @@ from testbed.records.run import Run
 from testbed.report.blocks import Block, Listing, Table, cell, download
 from testbed.report.own_parts import origins
 
+# A list longer than this is only counted.
+LISTED = 40
+
 
 def of_runs(runs: Mapping[str, Run]) -> list[Block]:
     """Fields that are not defaults, side by side; what made the files; every field, folded."""
@@ -87,7 +90,7 @@ def _flat(data: Mapping[str, Any], above: str = "") -> dict[str, Any]:
 def said(value: Any) -> str:
     if isinstance(value, Mapping):
         return "; ".join(f"{k} {said(v)}" for k, v in value.items())
-    if isinstance(value, list) and value and isinstance(value[0], Mapping):
+    if isinstance(value, list) and value and (isinstance(value[0], Mapping) or len(value) > LISTED):
         return f"{len(value)} entries"
     return cell(value)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from testbed.scenario.fields import Divisor, Positive, Section
+from testbed.scenario.fields import Coordinate, Divisor, Positive, Section, Speed
 from testbed.scenario.installed import installed
 from testbed.scenario.kinds import INSTALLED, Kinds
+from testbed.scenario.track_file import MOST_ROWS, faulty, sha256
 
 
 class _Guidance(Section):
@@ -33,6 +34,111 @@ class EvadingManoeuvre(_Guidance):
     kind: Literal["manoeuvre"]
 
 
+class _Following(_Guidance):
+    course_gain_per_s: Positive = Field(default=0.5, description="on the course: its error decays at it")
+
+
+class Hold(_Following):
+    """Holds course, speed and height."""
+
+    kind: Literal["hold"]
+    course_deg: Annotated[float, Field(ge=-720, le=720)] = Field(description="counter-clockwise from east")
+    speed_mps: Speed = Field(default=20.0, description="ground speed")
+    height_m: Coordinate = Field(default=0.0, description="above the shared origin")
+    height_gain_per_s: Positive = Field(default=0.3, description="on the height")
+
+
+class Waypoints(_Following):
+    """Follows the straight legs from each waypoint to the next; the vehicle joins the first leg."""
+
+    kind: Literal["waypoints"]
+    waypoints_m: list[Annotated[list[Coordinate], Field(min_length=3, max_length=4)]] = Field(
+        max_length=1000,
+        description="[x, y, z] each, or [x, y, z, speed in m/s] flown on the way to it; the last is the goal",
+    )
+    speed_mps: Speed = Field(default=20.0, description="ground speed where a waypoint says none")
+    closed: bool = Field(
+        default=False, description="after the last waypoint the first again; false: flies on straight"
+    )
+    approach_m: Positive | None = Field(
+        default=None,
+        description="distance from a leg at which the course is 45 deg towards it; absent: what half of the"
+        " turn rate can follow",
+    )
+    height_gain_per_s: Positive = Field(default=0.3, description="on the height, which changes along a leg")
+
+    @model_validator(mode="after")
+    def legs(self) -> Waypoints:
+        listed = self.waypoints_m
+        if len(listed) < 2:
+            raise ValueError(
+                f"waypoints_m: {len(listed)} waypoint{'s' if len(listed) != 1 else ''}; a leg runs from one"
+                " to the next, so list two or more (kind = 'loiter' circles one place)"
+            )
+        ends = list(zip(listed, listed[1:] + listed[:1], strict=True))
+        for k, (one, other) in enumerate(ends if self.closed else ends[:-1]):
+            if one[:2] == other[:2]:
+                number = (k + 1) % len(listed) + 1
+                raise ValueError(
+                    f"waypoints_m: {k + 1} and {number} are at one place, x {one[0]:g} m and y {one[1]:g} m;"
+                    " a leg needs a length, so move or leave out one of them"
+                )
+        for k, place in enumerate(listed):
+            if len(place) == 4 and not 0.01 <= place[3] <= 1000:
+                raise ValueError(f"waypoints_m: {k + 1} has the speed {place[3]:g} m/s; give 0.01 to 1000")
+        return self
+
+    def places(self) -> tuple[list[list[float]], list[float]]:
+        """(x, y, z) [m] and speed [m/s] of each waypoint."""
+        speeds = [place[3] if len(place) == 4 else self.speed_mps for place in self.waypoints_m]
+        return [place[:3] for place in self.waypoints_m], speeds
+
+
+class Loiter(_Following):
+    """Flies onto a circle and around it."""
+
+    kind: Literal["loiter"]
+    centre_m: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] = Field(description="[x, y]")
+    radius_m: Positive = Field(description="of the circle; at least speed / turn rate")
+    sense: Literal["left", "right"] = Field(
+        default="left", description="left: turning left, counter-clockwise seen from above"
+    )
+    speed_mps: Speed = Field(default=20.0, description="ground speed")
+    height_m: Coordinate = Field(default=0.0, description="above the shared origin")
+    approach_m: Positive | None = Field(
+        default=None, description="as of 'waypoints', from the circle outwards and inwards"
+    )
+    height_gain_per_s: Positive = Field(default=0.3, description="on the height")
+
+
+class RecordedTrack(_Following):
+    """Follows a recorded track by its times; after its last row its course, speed and height stay."""
+
+    kind: Literal["track"]
+    file: Annotated[str, Field(max_length=1000)] = Field(
+        default="",
+        description="CSV with columns t_s, x_m, y_m and, if wanted, z_m; relative to the scenario's file",
+    )
+    sha256: Annotated[str, Field(max_length=64)] = Field(
+        default="", description="of the rows; filled in when the file is read, and checked"
+    )
+    rows: list[Annotated[list[float], Field(min_length=3, max_length=4)]] = Field(
+        default=[], max_length=MOST_ROWS, description="the track itself: filled in when the file is read"
+    )
+    position_gain_per_s: Positive = Field(default=0.5, description="on the place it should be at, and height")
+
+    @model_validator(mode="after")
+    def complete(self) -> RecordedTrack:
+        if not self.rows:
+            said = f"file: {self.file} was not read" if self.file else "file: no track is named"
+            raise ValueError(f"{said}; name a CSV file beside the scenario's, or give rows")
+        if wrong := faulty(self.rows):
+            raise ValueError(f"rows: {wrong}")
+        if self.sha256 and self.sha256 != sha256(self.rows):
+            raise ValueError("sha256: it is not that of the rows; leave it out, and it is filled in")
+        return self
+
+
 class InstalledGuidance(_Guidance):
     """Guidance that an installed package offers by name."""
 
@@ -42,14 +148,32 @@ class InstalledGuidance(_Guidance):
 GUIDANCES = Kinds(
     "kind",
     "near-identity",
-    {"near-identity": NearIdentity, "manoeuvre": EvadingManoeuvre},
-    {"near-identity": "guidance towards the goal", "manoeuvre": "guidance that flies the manoeuvre"},
+    {
+        "near-identity": NearIdentity,
+        "manoeuvre": EvadingManoeuvre,
+        "waypoints": Waypoints,
+        "loiter": Loiter,
+        "hold": Hold,
+        "track": RecordedTrack,
+    },
+    {
+        "near-identity": "guidance towards the goal",
+        "manoeuvre": "guidance that flies the manoeuvre",
+        "waypoints": "guidance along waypoints",
+        "loiter": "guidance around a circle",
+        "hold": "guidance that holds a course",
+        "track": "guidance along a recorded track",
+    },
     role="guidance",
     other=InstalledGuidance,
 )
 Guidance = Annotated[
     Annotated[NearIdentity, Tag("near-identity")]
     | Annotated[EvadingManoeuvre, Tag("manoeuvre")]
+    | Annotated[Waypoints, Tag("waypoints")]
+    | Annotated[Loiter, Tag("loiter")]
+    | Annotated[Hold, Tag("hold")]
+    | Annotated[RecordedTrack, Tag("track")]
     | Annotated[InstalledGuidance, Tag(INSTALLED)],
     Discriminator(GUIDANCES.tag),
     BeforeValidator(GUIDANCES.settled),

@@ -11,12 +11,17 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from testbed.scenario.track_file import with_tracks
+
 FIELD = "airframes_folder"
 
 
 def placed(data: Mapping[str, Any], *homes: Path) -> dict[str, Any]:
-    """Plain data whose relative airframes start from the first of `homes` that has one of them."""
-    made, said = dict(data), data.get(FIELD)
+    """Plain data whose relative airframes start from the first of `homes` that has one of them.
+
+    Tracks that it names are read, and then are in it.
+    """
+    made, said = with_tracks(dict(data), homes), data.get(FIELD)
     if isinstance(said, str) and said:
         made[FIELD] = (homes[0].absolute() / said).resolve().as_posix()
         return made

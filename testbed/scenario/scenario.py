@@ -26,6 +26,8 @@ from testbed.scenario.explain import explain
 from testbed.scenario.fence_rules import check_fences
 from testbed.scenario.fields import Section
 from testbed.scenario.fleet_rules import check_tables
+from testbed.scenario.guidance import NearIdentity
+from testbed.scenario.guidance_rules import check_guidance, notes
 from testbed.scenario.lines import line_in
 from testbed.scenario.location import FIELD, placed
 from testbed.scenario.overrides import assign, is_within, meanings, read_value, remove, resolve
@@ -62,6 +64,7 @@ class Scenario(Contents):
                 raise ValueError(f"barrier.pairs: list the pairs {wanted} in this order")
         self.remedy.check(self.filter, barrier)
         check_fences(self)
+        check_guidance(self)
         if not (info.context or {}).get(KEEP_IDLE) and (found := idle(self)):
             raise ValueError("; ".join(f"{path}: {why}" for path, why in found.items()))
         ratio = self.duration_s / self.rates.filter_dt_s
@@ -116,6 +119,8 @@ def load(source: str | Path, overrides: Sequence[str] | None = None) -> Scenario
         if path == FIELD and FIELD not in file:
             continue  # found here, not given by the user
         warnings.warn(NoteWarning(f"{where}: {path} is left out: {why}"), stacklevel=2)
+    for note in notes(made):
+        warnings.warn(NoteWarning(f"{where}: {note}"), stacklevel=2)
     return made
 
 
@@ -196,7 +201,8 @@ def settled(data: dict[str, Any], where: str = "scenario") -> tuple[Scenario, di
 @cache
 def field_paths() -> dict[str, list[tuple[str, ...]]]:
     """Every name an override may use -> the paths it can mean."""
-    found = meanings({name: _fields(name) for name in Scenario.model_fields})
+    found = meanings({name: _short(name) for name in Scenario.model_fields})
+    found |= {f"guidance.{leaf}": [("guidance", leaf)] for leaf in _fields("guidance")}
     for old, table in TABLES.items():
         renamed = {new: leaf for leaf, new in FIELDS.get(table, {}).items()}
         found[old] = [(table,)]
@@ -205,6 +211,11 @@ def field_paths() -> dict[str, list[tuple[str, ...]]]:
     for name, fields in listed.items():
         found |= {f"{name}.*.{leaf}": [(name, "*", leaf)] for leaf in fields}
     return found | {leaf: [path] for leaf, path in ALONE.items()}
+
+
+def _short(name: str) -> list[str]:
+    """The fields of a table that an override may name alone: of guidance those that have long been there."""
+    return list(NearIdentity.model_fields) if name == "guidance" else _fields(name)
 
 
 def _fields(name: str) -> list[str]:

@@ -28,6 +28,7 @@ from testbed.measures.solo_time import solo_time
 from testbed.records.run import Run
 from testbed.records.store import SCHEMA_VERSION
 from testbed.records.verdict import Verdict
+from testbed.scenario import guidance_rules
 from testbed.scenario.scenario import Scenario
 from testbed.simulation.assembly import Assembled, Setting
 
@@ -71,6 +72,8 @@ def judge(
         verdicts = own_filter.judged_by_its_own(verdicts, s, statistics, setting.i, setting.j, end)
     elif s.filter.kind == "flow" and "filter" not in own:
         verdicts = own_filter.excused(verdicts, registry.excused(declared=False, flow=True))
+    if statistics.tracks is not None:
+        manifest["track_error"] = statistics.tracks.summary()
     record = declaration(made.filter).record if made else None
     if record is not None:
         verdicts += monitored(record, s)
@@ -84,12 +87,16 @@ def judge(
 
 
 def _solo_time(setting: Setting, made: Assembled) -> Array | None:
-    """See `solo_time`; None where a user's guidance does not answer on that way."""
+    """See `solo_time`; None where a user's guidance does not answer there, nan for other paths."""
     start, goal = setting.start.position, setting.goal
+    straight = guidance_rules.straight_to_goal(setting.scenario)
+    if not any(straight):
+        return None
     try:
-        return solo_time(made.guidance, setting.limits, start, goal, setting.scenario.goal_radius_m)
+        alone = solo_time(made.guidance, setting.limits, start, goal, setting.scenario.goal_radius_m)
     except Breach:
         return None
+    return np.where(straight, alone, np.nan)
 
 
 def _fly_manoeuvre(setting: Setting, made: Assembled, replay: Replay, near_misses: NearMisses) -> Verdict:

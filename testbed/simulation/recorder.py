@@ -60,6 +60,8 @@ class Recorder:
         if self.statistics.fences is not None:
             inside &= self._look_at_fences(self.statistics.fences, new)
         self.statistics.solved(s.t[new], s.status[new], s.residual[new], inside)
+        if self.statistics.tracks is not None:
+            self.statistics.tracks.update(s.t[new], s.truth[new])
         if s.i.size:
             self._look_at_pairs(new)
         self._record_vehicles(s.seen + np.flatnonzero(s.recorded[new]))

@@ -25,8 +25,10 @@ from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.near_misses import NearMisses
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.saturation import Saturation
+from testbed.measures.track_error import TrackErrors
 from testbed.records.run import MemorySink, RowWriter, Run, Sink
 from testbed.scenario import capacity
+from testbed.scenario.guidance_rules import follow_tracks
 from testbed.scenario.scenario import Scenario
 from testbed.simulation import termination
 from testbed.simulation.assembly import Assembled, Setting, put_together, set_up
@@ -95,6 +97,8 @@ class Session:
         self._statistics = RunStatistics(
             s.vehicles, surfaces, near_misses, arcs=arcs, fences=fenced, roles=setting.roles
         )
+        if follow_tracks(s) and "nominal" not in self._own:
+            self._statistics.tracks = TrackErrors(s)
         if made and isinstance(made.filter, OwnFilter):
             self._statistics.foreign = True
             self._statistics.declared = DeclaredRows(setting.limits) if made.filter.declares else None

@@ -10,13 +10,14 @@ import numpy as np
 from testbed.verification import fleet
 from testbed.verification.air import all_gusts, wind
 from testbed.verification.finding import Finding, compared
-from testbed.verification.future import Pose, manoeuvre
+from testbed.verification.future import Pose
+from testbed.verification.guidance_columns import guidance
 from testbed.verification.optimality import minimal
 from testbed.verification.pair_claims import Pairs, unicycle
 from testbed.verification.path_bounds import PathBounds, resolved
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.rows import Rows
-from testbed.verification.settings import arc, box, knows_itself, nominal, start
+from testbed.verification.settings import arc, box, knows_itself, start
 from testbed.verification.telemetry import telemetry
 
 ROUNDING = 1e-6
@@ -40,8 +41,7 @@ def columns(run: Recorded, paths: PathBounds, pairs: Pairs | None, rows: Rows) -
         yield _course(run)
         if "plant" not in run.parts:
             yield _plant(run)
-    if not set(run.parts) & {"nominal", "disturbance"} and knows_itself(run.scenario):
-        yield from _nominal(run)
+    yield from guidance(run)
     yield from _override(run)
     if fleet.strangers(run.scenario):
         yield _intruders(run)
@@ -131,20 +131,6 @@ def _strays(run: Recorded, paths: PathBounds, velocity: Array, dt: Array) -> Arr
     bend = np.linalg.norm(np.diff(velocity, 2, axis=0), axis=-1)
     around = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))
     return np.asarray((BEND * around + 2e-3) * dt)
-
-
-def _nominal(run: Recorded) -> Iterator[Finding]:
-    """What the controller wanted, from the pose recorded, or that of some steps before."""
-    s = run.scenario
-    late, steps = s["guidance"]["delay_steps"], round(s["rates"]["record_dt_s"] / s["rates"]["filter_dt_s"])
-    if late % steps:
-        return
-    wanted = nominal(s, Pose(run.position, run.vehicles["theta_rad"]), manoeuvre(s))
-    if late:
-        none = np.zeros((late // steps, *wanted.shape[1:]))
-        wanted = np.concatenate([none, wanted])[: len(run.t)]
-    said = run.channels("_nominal")
-    yield compared("nominal", said, wanted, 1e-9 * (1.0 + np.abs(wanted)))
 
 
 def _override(run: Recorded) -> Iterator[Finding]:

@@ -117,6 +117,7 @@ MANIFEST = {
     "override_share": _by("override_share", otherwise="not every filter step was recorded"),
     "qp_cost": _sometimes(_no("the solutions of the other QP are not recorded")),
     "declared": _sometimes(_by("entries")),
+    "track_error": _sometimes(_by("track", otherwise="steps between recordings are not recorded")),
     "parts": _sometimes(_no("the user's own parts are named, not checked")),
     "files": _by("files"),
     "sha256": _by("files"),

@@ -11,13 +11,13 @@ import numpy as np
 
 from testbed.claims import registry
 from testbed.records.verdict import Status
-from testbed.verification import fleet
+from testbed.verification import fleet, guidance_laws
 from testbed.verification.finding import Finding, Judge, Values, thin
 from testbed.verification.future import manoeuvre
 from testbed.verification.passing import BETWEEN_M, Passing
 from testbed.verification.path_bounds import ROUNDING, PathBounds
 from testbed.verification.recorded import Array, Recorded
-from testbed.verification.settings import box, goals
+from testbed.verification.settings import box, goals, seeking
 
 # Smallest change of a command that counts as the filter's doing.
 OVERRIDE = 1e-6
@@ -113,20 +113,25 @@ class PathClaims:
     def _goal(self, judge: Judge) -> Finding:
         paths, e = self.paths, judge.entry
         radius, said = self.s["goal_radius_m"], e["value"]
+        due = seeking(self.s) & self.under
+        if not due.any():
+            judge.expect("verdict", e["verdict"], Status.NOT_APPLICABLE)
+            judge.expect("value", said, None)
+            return judge.done("no goal", None)
         distance = np.linalg.norm(self._to_goal, axis=-1)
-        nearest = np.where(self.under, distance.min(axis=0), -np.inf)
+        nearest = np.where(due, distance.min(axis=0), -np.inf)
         high = float(nearest.max())
         low = high
         if not paths.whole:
             closest = (paths.chords(self._to_goal) - paths.stray).min(axis=0, initial=np.inf)
-            low = float(np.maximum(np.minimum(closest, distance[-1] - paths.tail), 0.0)[self.under].max())
+            low = float(np.maximum(np.minimum(closest, distance[-1] - paths.tail), 0.0)[due].max())
         if not low - ROUNDING <= said <= high + ROUNDING:
             judge.wrong.append(f"value is {said:.6g}, should be {low:.6g} to {high:.6g}")
         judge.expect("bound", e["bound"], radius)
         judge.expect("margin", e["margin"], radius - said)
         judge.expect("verdict", e["verdict"], judge.verdict(said <= radius))
         self._worst_goal(judge, nearest, high - low)
-        passed = self.passed[self.under]
+        passed = self.passed[due]
         if paths.whole and not np.isnan(passed).any():
             last = e["detail"].get("last_passed_s", np.nan)
             judge.expect_near("last_passed_s", last, float(passed.max()), ROUNDING)
@@ -203,7 +208,7 @@ class PathClaims:
                 np.cumsum(np.linalg.norm(np.diff(paths.track, axis=0), axis=-1), axis=0),
             ]
         )
-        passed, detail = self.passed, judge.entry["detail"]
+        passed, detail = np.where(seeking(s), self.passed, np.nan), judge.entry["detail"]
         alone = self._alone(start, straight)
         for name, off in (("path_added_m", ROUNDING), ("time_added_s", ALONE)):
             said = detail.get(name) or []
@@ -211,10 +216,9 @@ class PathClaims:
                 judge.wrong.append(f"{name} is missing")
                 continue
             for v, word in enumerate(said):
-                if np.isnan(passed[v]) or word is None:
-                    judge.expect(
-                        f"{name} of vehicle {v + 1}", word, None if np.isnan(passed[v]) else "a number"
-                    )
+                none = np.isnan(passed[v]) or (name == "time_added_s" and np.isnan(alone[v]))
+                if none or word is None:
+                    judge.expect(f"{name} of vehicle {v + 1}", word, None if none else "a number")
                     continue
                 # The filter period in which the vehicle arrives still counts as a whole.
                 k = round(float(passed[v] / (paths.t[1] - paths.t[0]))) if len(paths.t) > 1 else 0
@@ -225,15 +229,22 @@ class PathClaims:
                 judge.expect_near(f"{name} of vehicle {v + 1}", word, float(due), off * max(1.0, abs(due)))
 
     def _alone(self, start: Array, straight: Array) -> Array:
-        """(N,) s: the straight path to the goal radius at the nominal ground speed, inside the limits."""
-        s, c = self.s, self.s["guidance"]
+        """(N,) s: the straight path to the goal radius at the nominal ground speed, inside the limits.
+
+        nan for a vehicle whose guidance flies a path of its own.
+        """
+        s, laws = self.s, guidance_laws.tables(self.s)
         low, high = box(s)
         left = np.maximum(straight - s["goal_radius_m"], 0.0)
-        if c["kind"] == "manoeuvre":
-            return np.asarray(left / np.clip(manoeuvre(s)[:, 0], low[:, 0], high[:, 0]))
         level = np.linalg.norm((goals(s) - start)[:, :2], axis=-1) / np.where(straight > 0, straight, 1.0)
-        # Gain times the level distance still to go, from all of it down to the goal radius.
-        share = (np.arange(20_000) + 0.5) / 20_000
-        to_go = straight[:, None] - left[:, None] * share
-        pace = np.clip(c["gain_per_s"] * level[:, None] * to_go, low[:, :1], high[:, :1])
-        return np.asarray((left[:, None] / pace).mean(axis=1))
+        share, found = (np.arange(20_000) + 0.5) / 20_000, np.full(len(laws), np.nan)
+        low, high = (np.broadcast_to(corner, (len(laws), 3))[:, 0] for corner in (low, high))
+        for k, law in enumerate(laws):
+            if law["kind"] == "manoeuvre":
+                found[k] = left[k] / np.clip(manoeuvre(s)[k, 0], low[k], high[k])
+            elif law["kind"] == "near-identity":
+                # Gain times the level distance still to go, from all of it down to the goal radius.
+                to_go = straight[k] - left[k] * share
+                pace = np.clip(law["gain_per_s"] * level[k] * to_go, low[k], high[k])
+                found[k] = (left[k] / pace).mean()
+        return found

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.verification import fleet
+from testbed.verification import fleet, guidance_laws
 from testbed.verification.future import Pose
 from testbed.verification.recorded import Array
 
@@ -49,7 +49,10 @@ def steepness(s: Scenario, h: Array) -> Array:
 
 
 def goals(s: Scenario) -> Array:
-    """(N, 3) m: listed, or the antipodes of a circle whose first vehicle stands in the west."""
+    """(N, 3) m: listed, or the antipodes of a circle whose first vehicle stands in the west; else their own.
+
+    A vehicle's own goal is its table's, or the last of its waypoints.
+    """
     start, n = s["start"], s["vehicles"]
     if start["pattern"] == "list":
         made = np.array([[p["goal_x_m"], p["goal_y_m"], p["goal_z_m"]] for p in start["places"]])
@@ -58,12 +61,24 @@ def goals(s: Scenario) -> Array:
         made = np.asarray(start["radius_m"] * np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=-1))
     own = fleet.tables(s)
     made[[("goal_x_m" in v) for v in own], 2] = 0.0
-    return np.stack([_said(own, f"goal_{a}_m", made[:, k]) for k, a in enumerate("xyz")], axis=-1)
+    made = np.stack([_said(own, f"goal_{a}_m", made[:, k]) for k, a in enumerate("xyz")], axis=-1)
+    for k, law in enumerate(guidance_laws.tables(s)):
+        if law["kind"] == "waypoints" and not law["closed"] and "goal_x_m" not in own[k]:
+            made[k] = law["waypoints_m"][-1][:3]
+    return made
 
 
 def _said(own: list[Scenario], name: str, others: Array) -> Array:
     """A number of each vehicle (N,), where its table says it."""
     return np.array([v.get(name, x) for v, x in zip(own, others, strict=True)], dtype=float)
+
+
+def seeking(s: Scenario) -> Array:
+    """(N,) whether each vehicle has a goal: its guidance flies to one, or its table gives one."""
+    tables, laws = fleet.tables(s), guidance_laws.tables(s)
+    return np.array(
+        [guidance_laws.seeks_goal(law) or "goal_x_m" in own for own, law in zip(tables, laws, strict=True)]
+    )
 
 
 def start(s: Scenario) -> Pose:
@@ -106,9 +121,23 @@ def arc(pose: Pose, rates: Array, dt: Array | float) -> Pose:
     return Pose(pose.position + moved, pose.theta + turned)
 
 
-def nominal(s: Scenario, pose: Pose, gamma: Array) -> Array:
-    """What the nominal controller wants (..., N, 3) at poses (..., N)."""
-    c = s["guidance"]
+def nominal(s: Scenario, t: Array, pose: Pose, gamma: Array, complete: bool) -> Array:
+    """What guidance wants (T, N, 3) at times t (T,) and poses (T, N); nan where nothing tells.
+
+    complete  whether these are all filter steps: only then the leg of a vehicle among waypoints is known
+    """
+    each, to = guidance_laws.tables(s), goals(s)
+    if any(table != each[0] for table in each) or each[0]["kind"] not in ("near-identity", "manoeuvre"):
+        found = np.full((*pose.theta.shape, 3), np.nan)
+        for k, table in enumerate(each):
+            if table["kind"] == "manoeuvre":
+                found[:, k] = gamma[k] if gamma.ndim == 2 else gamma
+            elif complete or table["kind"] != "waypoints":
+                place = pose.position[:, k, 0] + 1j * pose.position[:, k, 1]
+                now = place, pose.position[:, k, 2], pose.theta[:, k]
+                found[:, k] = guidance_laws.wanted(s, k, table, t, now, to[k])
+        return found
+    c = each[0]
     if c["kind"] == "manoeuvre":
         return np.broadcast_to(gamma, (*pose.theta.shape, 3))
     to = c["gain_per_s"] * (goals(s) - pose.position)

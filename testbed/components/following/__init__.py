@@ -1,0 +1,1 @@
+"""Guidance that follows: a course, legs between waypoints, a circle, a recorded track."""

@@ -1,0 +1,107 @@
+"""Checks the guidance of each vehicle against its limits, and whether it has a goal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import radians
+
+from testbed.scenario import fleet
+from testbed.scenario.contents import Contents
+from testbed.scenario.guidance import (
+    EvadingManoeuvre,
+    Guidance,
+    Hold,
+    Loiter,
+    NearIdentity,
+    RecordedTrack,
+    Waypoints,
+)
+from testbed.scenario.tables import InputSet
+from testbed.scenario.track_file import shorter
+
+
+def check_guidance(s: Contents) -> None:
+    """Raises ValueError naming the first table whose guidance its vehicle cannot fly within its limits."""
+    if not s.vehicle and not isinstance(s.guidance, Hold | Waypoints | Loiter):
+        return
+    for table, where, box in _each(s):
+        speeds = _speeds(table)
+        for speed in speeds:
+            if not box.v_min_mps <= speed <= box.v_max_mps:
+                raise ValueError(
+                    f"{where}.speed_mps: {speed:g} m/s is outside the limits {box.v_min_mps:g} to"
+                    f" {box.v_max_mps:g} m/s"
+                )
+        if isinstance(table, Loiter):
+            _check_circle(table, where, box)
+
+
+def _check_circle(table: Loiter, where: str, box: InputSet) -> None:
+    if box.omega_max_degps == 0:
+        raise ValueError(f"{where}.radius_m: with limits.omega_max_degps = 0 no circle can be flown")
+    least = table.speed_mps / radians(box.omega_max_degps)
+    if table.radius_m < least * (1 - 1e-9):
+        raise ValueError(
+            f"{where}.radius_m: {table.radius_m:g} m at {table.speed_mps:g} m/s takes"
+            f" {table.speed_mps / table.radius_m / radians(1):.3g} deg/s and the limit is"
+            f" {box.omega_max_degps:g} deg/s; give {least:.4g} m or more, or fly slower"
+        )
+
+
+def _each(s: Contents) -> Iterator[tuple[Guidance, str, InputSet]]:
+    """The guidance of each vehicle, what says it, and the vehicle's limits."""
+    for k, (table, box) in enumerate(zip(fleet.guidances(s), fleet.limits(s), strict=True)):
+        own = s.vehicle and s.vehicle[k].guidance is not None
+        yield table, f"vehicle.{k + 1}.guidance" if own else "guidance", box
+
+
+def _speeds(table: Guidance) -> list[float]:
+    match table:
+        case Hold() | Loiter():
+            return [table.speed_mps]
+        case Waypoints():
+            return table.places()[1]
+    return []
+
+
+def notes(s: Contents) -> list[str]:
+    """What a person should know of the guidance although it is no mistake."""
+    said = {
+        where: table.rows[-1][0] - table.rows[0][0]
+        for table, where, _box in _each(s)
+        if isinstance(table, RecordedTrack)
+    }
+    return list(shorter(list(said.items()), s.duration_s))
+
+
+def goals(s: Contents) -> dict[int, list[float]]:
+    """Vehicle (from 0) -> the goal (x, y, z) [m] that its guidance gives it: its last waypoint."""
+    found = {}
+    for k, table in enumerate(fleet.guidances(s)):
+        own = s.vehicle and s.vehicle[k].goal_x_m is not None
+        if isinstance(table, Waypoints) and not table.closed and not own:
+            found[k] = table.places()[0][-1]
+    return found
+
+
+def goalless(s: Contents) -> tuple[int, ...]:
+    """Vehicles (from 0) without a goal: their guidance seeks none, and their table gives none."""
+    without = []
+    for k, table in enumerate(fleet.guidances(s)):
+        own = s.vehicle and s.vehicle[k].goal_x_m is not None
+        seeks_none = isinstance(table, Hold | Loiter | RecordedTrack) or (
+            isinstance(table, Waypoints) and table.closed
+        )
+        if seeks_none and not own:
+            without.append(k)
+    return tuple(without)
+
+
+def straight_to_goal(s: Contents) -> list[bool]:
+    """Whether each vehicle flies to its goal on no path of its own, by the paper's guidance."""
+    return [isinstance(table, NearIdentity | EvadingManoeuvre) for table in fleet.guidances(s)]
+
+
+def follow_tracks(s: Contents) -> bool:
+    """Whether any vehicle follows a recorded track."""
+    return any(isinstance(table, RecordedTrack) for table in fleet.guidances(s))
