@@ -14,7 +14,7 @@ from pyacmi.acmi import AcmiFileReader
 
 import testbed
 from aircraft.jsbsim.geodesy import Origin, ecef
-from testbed.export import acmi, events
+from testbed.export import acmi, acmi_text, events
 from testbed.records.run import Run
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
@@ -114,7 +114,7 @@ def test_commas_newlines_and_accents_in_names_survive(flown: Run, recording: Pat
     assert title is not None
     # pyacmi joins continued lines and leaves the backslash before a comma.
     assert title.replace("\\,", ",") == NAME.replace("\\", "/") + " on jsbsim"
-    assert acmi.escaped("a,b\r\nc\\") == "a\\,b\\\nc/"
+    assert acmi_text.escaped("a,b\r\nc\\") == "a\\,b\\\nc/"
 
 
 def test_equal_runs_give_equal_recordings(flown: Run, recording: Path, tmp_path: Path) -> None:

@@ -7,8 +7,14 @@ from filters.model import State
 from testbed.components.catalogue import barrier
 from testbed.components.fences import fences
 from testbed.errors import UserError
+from testbed.export import acmi, csv
+from testbed.export.events import events
 from testbed.records.run import FENCE_COLUMNS
 from testbed.records.store import load as load_run
+from testbed.regression.quantities import fly, job, quantities
+from testbed.report import fences as report_fences
+from testbed.report import figures, playback, run_part
+from testbed.report.style import drawing
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
 from testbed.verification.check import check
@@ -240,3 +246,45 @@ def test_a_command_that_leaves_a_fences_row_short_is_named(folder, tmp_path):
     edit_cell(path, "vehicles", "omega_command_radps", row, 0.05)
     seal(path)
     assert {"minimal"} <= differing(path)
+
+
+def test_report_figures_player_and_exports_have_the_fences(folder, tmp_path):
+    made = load_run(folder)
+    scenario = made.manifest["scenario"]
+    shown = playback.data({"unicycle": made})["fences"]
+    assert [f["title"] for f in shown] == ["fence 1 (field)", "fence 2 (mast)", "fence 3"]
+    assert [f["inside"] for f in shown] == [True, False, False]
+    assert report_fences.bands(scenario) == ["fence 4: above -8 m and below 60 m"]
+    with drawing():
+        path = figures.panels({"unicycle": made}).axes[3]
+        assert len(path.patches) == 3
+    page = run_part.part({"unicycle": made}, None, "x")
+    assert page.headline == "Separation kept on unicycle; fences kept"
+    (section,) = [s for s in page.sections if s.title == "Fences"]
+    assert len(section.blocks[0].rows) == 4
+    assert not [e for e in csv.write(made, tmp_path) if e.kind == "beyond-fence"]
+    assert (tmp_path / "fences.csv").read_text().count("\n") == len(made.fences) + 1
+    acmi.write(made, tmp_path / "run.txt.acmi")
+    lines = (tmp_path / "run.txt.acmi").read_text().splitlines()
+    posts = [line for line in lines if "Type=Navaid+Static+Waypoint" in line]
+    assert len(posts) == 4 + 24 + 3
+    assert posts[3].startswith("10003,") and posts[3].endswith("Next=10000")
+
+
+def test_a_page_says_that_a_fence_was_left_and_events_name_it():
+    made = flown(*LEAVING, "filter.kind=none")
+    page = run_part.part({"unicycle": made}, None, "x")
+    assert page.headline.endswith("fences LEFT on unicycle")
+    left = [e for e in events(made) if e.kind == "beyond-fence"]
+    assert any(e.text.startswith("beyond fence 1 (field): ") for e in left)
+
+
+def test_baselines_and_the_falsifier_know_fences(call, capsys):
+    fenced, bare = load("paper-2-turn", LEAVING), load("paper-2-turn")
+    names = {q.name for q in quantities(fenced)} - {q.name for q in quantities(bare)}
+    assert names == {"fence-clearance", "fence-safe-set", "fence-clearance lost", "fence-safe-set lost"}
+    row = fly(job(fenced, "x", {"duration_s": 5.0}, 1))
+    assert row["fence-clearance lost"] == 0.0
+    assert row["fence-clearance"] > 0
+    assert call("falsify", "paper-2-turn", "--guarantee", "fence-clearance") == 2
+    assert "paper-2-turn has no [[fence]] table" in capsys.readouterr().err

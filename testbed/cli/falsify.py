@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.claims.registry import SAFE_SET, SEPARATION
+from testbed.claims.registry import FENCE_CLEARANCE, SAFE_SET, SEPARATION
 from testbed.cli.common import (
     JsonOption,
     OutOption,
@@ -28,7 +28,7 @@ EXAMPLES = (
     "Examples: testbed falsify paper-20-turn --budget 200;"
     " testbed falsify paper-2-turn --plant jsbsim --set filter_dt_s=0.05 --set ds_buffer_m=2 --wind 8"
 )
-GUARANTEES = (SEPARATION.id, SAFE_SET.id)
+GUARANTEES = (SEPARATION.id, SAFE_SET.id, FENCE_CLEARANCE.id)
 
 
 def falsify(
@@ -85,6 +85,8 @@ def falsify(
         raise UserError(f"--budget {budget}: give at least 1")
     if guarantee not in GUARANTEES:
         raise UserError(f"--guarantee {guarantee}: give {' or '.join(GUARANTEES)}")
+    if guarantee == FENCE_CLEARANCE.id and not s.fence:
+        raise UserError(f"--guarantee {guarantee}: {s.name} has no [[fence]] table")
     space = Space.of(s, bounds(s, lateral, heading, height, wind, latency))
     with nullcontext() if workers == 1 else executor(workers) as pool:
         result = search(Flights(space, guarantee, budget, pool, parts=own), seed, thorough)

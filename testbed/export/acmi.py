@@ -15,10 +15,13 @@ from typing import Any
 import pandas as pd
 
 from aircraft.jsbsim.geodesy import Origin
+from testbed.export import acmi_fences
+from testbed.export.acmi_text import escaped
 from testbed.export.events import Event, events
 from testbed.records.run import Run
 from testbed.records.verdict import Kind
 from testbed.report import own_parts
+from testbed.report.fences import bands
 from testbed.report.tables import number
 
 HEADER = "FileType=text/acmi/tacview\nFileVersion=2.2\n"
@@ -53,16 +56,6 @@ def write(run: Run, path: Path) -> list[Event]:
     return found
 
 
-def escaped(text: str) -> str:
-    """Text as a property's value: commas and newlines behind a backslash.
-
-    The format has no escape for the backslash itself, which becomes a slash.
-    """
-    lines = text.replace("\\", "/").splitlines()
-    clean = ("".join(c for c in line if c.isprintable()).replace(",", "\\,") for line in lines)
-    return "\\\n".join(clean)
-
-
 def _globals(run: Run) -> Iterator[str]:
     s, origin = run.manifest["scenario"], Origin()
     title = f"{s['name']} on {own_parts.named(run, 'plant', s['plant'])}"
@@ -79,7 +72,7 @@ def _globals(run: Run) -> Iterator[str]:
         "DataSource": f"cbf-jsbsim-testbed {run.manifest['versions']['cbf-jsbsim-testbed']}",
         "DataRecorder": "testbed export",
         "Title": title,
-        "Comments": "\n".join([*(line for line in (s["description"], own) if line), *verdicts]),
+        "Comments": "\n".join([*(line for line in (s["description"], own) if line), *bands(s), *verdicts]),
     }
     yield from (f"0,{name}={escaped(value)}" for name, value in said.items())
 
@@ -119,8 +112,10 @@ def _recorded(run: Run) -> Iterator[tuple[float, list[str]]]:
     shown: dict[int, dict[str, str]] = {}
     worst = _worst_pairs(run.pairs, s["d_safe_m"], strangers)
     origin = Origin()
+    still = list(acmi_fences.lines(s, origin))
     for t, group in run.vehicles.groupby("t_s", sort=True):
-        lines, critical = [], worst.get(t, {})
+        lines, critical = still, worst.get(t, {})
+        still = []
         for row in group.to_dict("records"):
             vehicle = int(row["vehicle"])
             now = _state(row, critical.get(vehicle), INTRUDER if vehicle in strangers else CALM)

@@ -11,6 +11,7 @@ from testbed.export.events import Event, events
 from testbed.records.run import (
     AIRCRAFT_COLUMNS,
     DECLARED_COLUMNS,
+    FENCE_COLUMNS,
     PAIR_COLUMNS,
     VEHICLE_COLUMNS,
     WIND_COLUMNS,
@@ -30,6 +31,8 @@ EVENT_COLUMNS = {
 def write(run: Run, folder: Path) -> list[Event]:
     """Write vehicles.csv, pairs.csv, events.csv and columns.csv below `folder`; returns the events.
 
+    And fences.csv, of a run with fences.
+
     Numbers have all their digits: read back they are equal to the run's.
     """
     found = events(run)
@@ -37,6 +40,7 @@ def write(run: Run, folder: Path) -> list[Event]:
     tables = {
         "vehicles": run.vehicles,
         "pairs": run.pairs,
+        **({"fences": run.fences} if len(run.fences) else {}),
         "events": pd.DataFrame(rows, columns=list(EVENT_COLUMNS)),
     }
     for name, table in tables.items():
@@ -44,6 +48,7 @@ def write(run: Run, folder: Path) -> list[Event]:
     known = {
         "vehicles": VEHICLE_COLUMNS | AIRCRAFT_COLUMNS | WIND_COLUMNS,
         "pairs": PAIR_COLUMNS | DECLARED_COLUMNS,
+        "fences": FENCE_COLUMNS,
         "events": EVENT_COLUMNS,
     }
     said = [

@@ -10,6 +10,7 @@ import pandas as pd
 from testbed.claims.registry import SEPARATION
 from testbed.records.run import Run
 from testbed.records.verdict import Status, Verdict
+from testbed.report.fences import named
 from testbed.report.tables import number
 
 NO_SOLUTION = ("infeasible", "iteration_limit")
@@ -17,7 +18,8 @@ NO_SOLUTION = ("infeasible", "iteration_limit")
 
 @dataclass(frozen=True)
 class Event:
-    """`kind` is a guarantee's id, or `below-ds`, `outside-safe-set`, `no-solution`, `ended-early`.
+    """`kind` is a guarantee's id, or `below-ds`, `outside-safe-set`,
+    `beyond-fence`, `no-solution`, `ended-early`.
 
     vehicles  counted from 1; empty where the event concerns no vehicle in particular
     """
@@ -46,6 +48,9 @@ def events(run: Run) -> list[Event]:
         for row in _entered(pairs, ["i", "j"], pairs.h_m < 0.0):
             text = f"out of the safe set: h = {row.h_m:.3f} {unit}"
             found.append(Event(row.t_s, "outside-safe-set", (row.i, row.j), text))
+    for row in _entered(run.fences, ["fence", "vehicle"], run.fences.clearance_m < 0.0):
+        text = f"beyond {named(run.manifest['scenario'], row.fence)}: {-row.clearance_m:.3f} m"
+        found.append(Event(row.t_s, "beyond-fence", (row.vehicle,), text))
     for row in _entered(vehicles, ["vehicle"], vehicles.qp_status.isin(NO_SOLUTION)):
         text = f"no solution of the QP: {row.qp_status}; flies the evading manoeuvre"
         found.append(Event(row.t_s, "no-solution", (row.vehicle,), text))

@@ -34,6 +34,7 @@ def part(folder: Path, title: str) -> Part:
     data = json_of(folder / "export.json")
     events = read_csv(text_of(folder / "events.csv"))
     columns = read_csv(text_of(folder / "columns.csv"))
+    names = [name for name in ("vehicles", "pairs", "fences") if (folder / f"{name}.csv").is_file()]
     guarantee = next(g for g in data["guarantees"] if g["id"] == SEPARATION.id)
     said = guarantee["verdict"] + (f", {guarantee['value']:.3f} m" if guarantee["value"] is not None else "")
     return Part(
@@ -44,7 +45,7 @@ def part(folder: Path, title: str) -> Part:
         details=[f"{len(events)} events; testbed report RUN has the scorecard and the playback."],
         sections=[
             Section("Events", [Table(events, downloads=attached(folder / "events.csv")) if events else NONE]),
-            Section("Tables", [_beginning(folder, name) for name in ("vehicles", "pairs")]),
+            Section("Tables", [_beginning(folder, name) for name in names]),
             Section("Columns", [Table(columns, downloads=attached(folder / "columns.csv"))]),
             Section("Settings and provenance", settings.of_study(data["run"])),
         ],

@@ -44,6 +44,8 @@ _VALUES = {
     registry.GOAL: (+1, 0.1),
     registry.INTERVENTION: (+1, 0.01),
 }
+# Of scenarios with fences alone.
+_FENCED = {registry.FENCE_CLEARANCE: (-1, 0.01), registry.FENCE_SAFE_SET: (-1, 0.01)}
 # Commands and rows come to their bound within rounding: of these two only the status is compared.
 _JUDGED = (
     *(claim for claim in _VALUES if claim is not registry.INTERVENTION),
@@ -66,13 +68,14 @@ DIGITS = 6
 def quantities(s: Scenario) -> list[Quantity]:
     """All that is remembered of a run of `s`, in the order it is shown."""
     h = "m" if s.barrier.form == "root" else "m^2"
+    values = _VALUES | (_FENCED if s.fence else {})
     found = [
         Quantity(claim.id, claim.unit_of(s.barrier.form), worse, size)
-        for claim, (worse, size) in _VALUES.items()
+        for claim, (worse, size) in values.items()
     ]
     found += [Quantity(f"{n} tracking", unit, +1, 0.01) for n, (*_, unit) in _TRACKING.items()]
     found += [Quantity(_ledger_name(part, q), f"{h}/s", -1, 0.01) for part, q in _LEDGER]
-    found += [Quantity(f"{claim.id} lost", "", +1, 0.0, verdict=True) for claim in _JUDGED]
+    found += [Quantity(f"{claim.id} lost", "", +1, 0.0, verdict=True) for claim in _judged(s)]
     return [*found, Quantity(f"not {_END}", "", +1, 0.0, verdict=True)]
 
 
@@ -91,17 +94,22 @@ def fly(job: Job) -> dict[str, float | None]:
     if done.manifest["ended_early"]:
         return {n: 1.0 if n.endswith(" lost") or n == f"not {_END}" else None for n in names}
     verdicts = {v.id: v for v in done.guarantees}
-    row = {claim.id: verdicts[claim.id].value for claim in _VALUES}
+    row = {claim.id: verdicts[claim.id].value for claim in _VALUES | (_FENCED if s.fence else {})}
     row |= _tracking(done, s.vehicles)
     quantiles = hdot_ledger.summary(done, _NEAR_H_M)["quantiles"]
     row |= {_ledger_name(part, q): quantiles[part][q] if quantiles else None for part, q in _LEDGER}
-    for claim in _JUDGED:
+    for claim in _judged(s):
         status = verdicts[claim.id].status
         row[f"{claim.id} lost"] = (
             None if status is Status.NOT_APPLICABLE else float(status is not Status.HOLDS)
         )
     row[f"not {_END}"] = 0.0
     return {n: _rounded(row[n]) for n in names}
+
+
+def _judged(s: Scenario) -> tuple[registry.Claim, ...]:
+    """The claims whose statuses are compared."""
+    return (*_JUDGED, *_FENCED) if s.fence else _JUDGED
 
 
 def _tracking(done: Run, vehicles: int) -> dict[str, float | None]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from testbed.claims.nearest import nearest_approach
 from testbed.records.run import Run
+from testbed.report import fences
 from testbed.report.ledger_figures import ledger
 from testbed.report.style import LIMIT, PAGE, drawing, limits, log_distance, save, separation, styles
 
@@ -72,6 +73,7 @@ def panels(runs: Mapping[str, Run]) -> Figure:
             rows = one(run, vehicle)
             path.plot(rows.x_m, rows.y_m, **look, label=name if vehicle == 1 else None, alpha=0.85)
             path.plot(rows.x_m.iloc[0], rows.y_m.iloc[0], marker="o", ms=3, **look)
+    fences.draw(path, scenario)
     limits(speed, box["v_min_mps"], box["v_max_mps"])
     limits(turn, -box["omega_max_degps"], box["omega_max_degps"])
     separation(distance, scenario["d_safe_m"])
@@ -79,7 +81,7 @@ def panels(runs: Mapping[str, Run]) -> Figure:
     speed.set(xlabel="time [s]", ylabel="ground speed [m/s]", title="Vehicle 1: speed (thin: commanded)")
     turn.set(xlabel="time [s]", ylabel="turn rate [deg/s]", title="Vehicle 1: turn rate (thin: commanded)")
     distance.set(xlabel="time [s]", ylabel="distance [m]", title="Smallest distance of any pair")
-    flat = scenario["vehicles"] <= 2
+    flat = scenario["vehicles"] <= 2 and not scenario.get("fence")
     path.set(
         xlabel="east [m]",
         ylabel="north [m]",

@@ -8,9 +8,16 @@ from typing import Any
 import numpy as np
 
 from testbed.claims.nearest import nearest_approach
-from testbed.claims.registry import BARRIER_CONDITION, SAFE_SET, SEPARATION, SEPARATION_INTRUDERS
+from testbed.claims.registry import (
+    BARRIER_CONDITION,
+    FENCE_CLEARANCE,
+    SAFE_SET,
+    SEPARATION,
+    SEPARATION_INTRUDERS,
+)
 from testbed.records.run import Run
 from testbed.report import figures
+from testbed.report.fences import outlines
 from testbed.report.style import styles
 
 # Values in all tracks of one player: about 3 bytes each as JSON, so 2 MB.
@@ -37,6 +44,7 @@ MOMENTS = {
     SEPARATION_INTRUDERS.id: "least distance to an intruder",
     SAFE_SET.id: "least h",
     BARRIER_CONDITION.id: "least hdot + alpha(h)",
+    FENCE_CLEARANCE.id: "nearest a fence",
 }
 
 
@@ -53,6 +61,7 @@ def data(runs: Mapping[str, Run]) -> dict[str, Any]:
         "d_safe": scenario["d_safe_m"],
         "vehicles": scenario["vehicles"],
         "limits": figures.limits_of(scenario, 1),
+        "fences": outlines(scenario),
         "unit": "m" if scenario["barrier"]["form"] == "root" else "m²",
         "steps": {name: step for name, (_, _, step) in CHANNELS.items()} | {"t": TIME_STEP_S, "h": H_STEP},
         "plants": [_plant(name, run, max(2, min(FRAMES, each)), looks[name]) for name, run in runs.items()],

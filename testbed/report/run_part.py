@@ -12,7 +12,7 @@ from testbed.claims.nearest import nearest_approach
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.store import load
-from testbed.report import embed, figures, ledger_figures, playback, run_tables, scorecard, settings
+from testbed.report import embed, fences, figures, ledger_figures, playback, run_tables, scorecard, settings
 from testbed.report.blocks import Block, Note, Part, Picture, Playback, Scorecard, Section, Table, download
 from testbed.report.own_parts import named, sentence
 from testbed.report.style import drawing, styles
@@ -31,7 +31,7 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
     looks = styles(runs)
     facts = [scorecard.fact(label, run, looks[label]["color"]) for label, run in runs.items()]
     left = [label for label, run in runs.items() if scorecard.left_safe_set(run)]
-    status, headline = scorecard.headline(facts, left)
+    status, headline = scorecard.fenced(runs, *scorecard.headline(facts, left))
     first = next(iter(runs.values()))
     scenario = first.manifest["scenario"]
     what = f"{scenario['vehicles']} vehicles, Ds {scenario['d_safe_m']:g} m, {scenario['duration_s']:g} s"
@@ -47,6 +47,7 @@ def part(runs: Runs, folder: Path | None, title: str) -> Part:
                 ),
             ],
         ),
+        Section("Fences", _fences({label: run for label, run in runs.items() if len(run.fences)}, folder)),
         *_motion({label: run for label, run in runs.items() if len(run.vehicles)}, folder),
         Section("Settings and provenance", settings.of_runs(runs)),
     ]
@@ -70,6 +71,36 @@ def _motion(runs: Runs, folder: Path | None) -> list[Section]:
         Section("Ledger: predicted against realised hdot", _ledger(runs, folder)),
         Section("The paper's panels", [_panels(runs, folder)]),
         Section("Tracking: commanded against achieved", _tracking(runs, folder)),
+    ]
+
+
+def _fences(runs: Runs, folder: Path | None) -> list[Block]:
+    """How near vehicles came to their fences; nothing of runs without fences."""
+    if not runs:
+        return []
+    rows = [row for label, run in runs.items() for row in fences.table(label, run)]
+    bands = fences.bands(next(iter(runs.values())).manifest["scenario"])
+    nearest = min(rows, key=lambda row: row["least clearance [m]"])
+    return [
+        Table(
+            rows,
+            "Clearance at recorded times: the signed distance less the margin; the scorecard has every step",
+            downloads=download("CSV", "fences.csv", pd.DataFrame(rows)),
+        ),
+        *([Note(f"Not on the map: {'; '.join(bands)}.")] if bands else []),
+        Picture(
+            name="fences",
+            caption="The least clearance of any vehicle from any of its fences, and the least h: the least"
+            " clearance along the evading manoeuvre from there.",
+            alt=f"Two series over time. Nearest: {nearest['least clearance [m]']:.2f} m from"
+            f" {nearest['fence']} on {nearest['plant']}.",
+            svg=_svg(folder, "fences", lambda: fences.over_time(runs)),
+            downloads=download(
+                "series (CSV)",
+                "fence-series.csv",
+                pd.concat(run.fences.assign(plant=label) for label, run in runs.items()),
+            ),
+        ),
     ]
 
 

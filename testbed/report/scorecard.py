@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from testbed.claims.nearest import nearest_approach
-from testbed.claims.registry import SAFE_SET
+from testbed.claims.registry import FENCE_CLEARANCE, SAFE_SET
 from testbed.records.run import Run
 from testbed.records.verdict import Kind, Status, Verdict
 from testbed.report.blocks import KEPT, LOST, OPEN, Fact
@@ -28,6 +28,7 @@ HEADINGS = {
     Kind.FLOW: "What the flow filter's own theorem says",
 }
 GUARANTEES = "Guarantees"
+_FENCE = FENCE_CLEARANCE.id
 
 
 def rows(runs: Mapping[str, Run]) -> list[dict[str, Any]]:
@@ -127,6 +128,18 @@ def headline(facts: Sequence[Fact], left: Sequence[str] = ()) -> tuple[str, str]
     """
     status, text = _separation(facts)
     return status, text + (f", though h fell below zero on {_and(left)}" if left else "")
+
+
+def fenced(runs: Mapping[str, Run], status: str, text: str) -> tuple[str, str]:
+    """The status and headline of all runs together, with how they stand on their fences, if they have any."""
+    found = [(label, v.status) for label, run in runs.items() for v in run.guarantees if v.id == _FENCE]
+    lost = [label for label, of in found if of is Status.VIOLATED]
+    unknown = [label for label, of in found if of not in (Status.VIOLATED, Status.HOLDS)]
+    if lost:
+        return LOST, f"{text}; fences LEFT on {_and(lost)}"
+    if unknown:
+        return (OPEN if status == KEPT else status), f"{text}; fences not shown kept on {_and(unknown)}"
+    return status, text + ("; fences kept" if found else "")
 
 
 def _separation(facts: Sequence[Fact]) -> tuple[str, str]:

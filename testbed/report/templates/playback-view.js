@@ -1,10 +1,10 @@
-// The plan view: tracks, vehicles, the pair looked at, its Ds circle and its evading circles.
+// The plan view: tracks, vehicles, fences, the pair looked at, its Ds circle and its evading circles.
 
-const INK = "#222", FAINT = "#d8dde3", ALARM = "#b3261e";
+const INK = "#222", FAINT = "#d8dde3", ALARM = "#b3261e", FENCE = "#8a4f7d";
 
 class PlanView {
-  constructor(canvas, plants, dSafe, mode) {
-    Object.assign(this, { canvas, plants, dSafe, mode, centre: [0, 0], scale: 1, near: mode === "close" });
+  constructor(canvas, plants, dSafe, mode, fences) {
+    Object.assign(this, { canvas, plants, dSafe, mode, fences, centre: [0, 0], scale: 1, near: mode === "close" });
     this.context = canvas.getContext("2d");
     this.still = document.createElement("canvas");
     this.stillKey = "";
@@ -22,6 +22,12 @@ class PlanView {
             west = Math.min(west, x[k]); east = Math.max(east, x[k]);
             south = Math.min(south, y[k]); north = Math.max(north, y[k]);
           }
+    const r = (fence) => fence.radius || 0;
+    for (const fence of this.fences)
+      for (const [x, y] of fence.corners || [fence.centre]) {
+        west = Math.min(west, x - r(fence)); east = Math.max(east, x + r(fence));
+        south = Math.min(south, y - r(fence)); north = Math.max(north, y + r(fence));
+      }
     return { west, east, south, north };
   }
 
@@ -105,6 +111,7 @@ class PlanView {
     c.fillStyle = "#fff";
     c.fillRect(0, 0, this.width, this.height);
     this.grid(c);
+    for (const fence of this.fences) this.fence(c, fence);
     for (const plant of this.plants.filter((p) => p.shown)) {
       c.strokeStyle = plant.color;
       c.globalAlpha = 0.3;
@@ -142,6 +149,30 @@ class PlanView {
     if (this.near) return;
     c.fillText("east [m]", this.width - 52, this.height - 20);
     c.fillText("north [m]", 3, 12);
+  }
+
+  // Areas to stay out of are tinted; the margin beside a circle is dashed.
+  fence(c, fence) {
+    c.strokeStyle = FENCE;
+    c.fillStyle = FENCE + "30";
+    c.lineWidth = 1.4;
+    c.beginPath();
+    if (fence.corners) fence.corners.forEach(([x, y], k) => (k ? c.lineTo(...this.px(x, y)) : c.moveTo(...this.px(x, y))));
+    else c.arc(...this.px(...fence.centre), fence.radius * this.scale, 0, 2 * Math.PI);
+    c.closePath();
+    if (!fence.inside) c.fill();
+    c.stroke();
+    if (fence.centre && fence.margin) {
+      c.beginPath();
+      c.setLineDash([3, 3]);
+      c.arc(...this.px(...fence.centre), (fence.radius + fence.margin) * this.scale, 0, 2 * Math.PI);
+      c.stroke();
+      c.setLineDash([]);
+    }
+    const [left, top] = this.px(...(fence.corners ? fence.corners[0] : fence.centre));
+    c.fillStyle = FENCE;
+    c.font = "11px system-ui, sans-serif";
+    c.fillText(fence.title, left + 4, top - 4);
   }
 
   track(c, plant, v, from, to) {

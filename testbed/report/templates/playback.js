@@ -10,8 +10,8 @@ class Player {
     this.plants = raw.plants.map((plant) => new Plant(plant, raw.steps));
     this.end = Math.max(...this.plants.map((plant) => plant.end));
     this.at = (name) => root.querySelector(`[data-part="${name}"]`);
-    this.view = new PlanView(this.at("plan"), this.plants, this.dSafe, this.plants[0].count <= 3 ? "circles" : "all");
-    this.close = new PlanView(this.at("close"), this.plants, this.dSafe, "close");
+    this.view = new PlanView(this.at("plan"), this.plants, this.dSafe, this.plants[0].count <= 3 ? "circles" : "all", raw.fences);
+    this.close = new PlanView(this.at("close"), this.plants, this.dSafe, "close", raw.fences);
     this.playing = false;
     this.drawn = 0;
     this.connect();

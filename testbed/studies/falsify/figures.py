@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from testbed.records.run import Run
+from testbed.report import fences
 from testbed.report.figures import one
 from testbed.report.style import (
     BLACK,
@@ -91,8 +92,9 @@ def counterexample(run: Run, guarantee: str, folder: Path) -> list[Path]:
             if vehicle in worst and entry["t_s"] is not None:
                 at = rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - entry["t_s"])))]
                 path.plot(at.x_m, at.y_m, "x", ms=7, mew=1.5, color=look["color"], zorder=3)
+        fences.draw(path, scenario)
         path.set(xlabel="east [m]", ylabel="north [m]", title="Paths (dot: start, cross: worst instant)")
-        path.set_aspect("equal" if scenario["vehicles"] > 2 else "auto")
+        path.set_aspect("equal" if scenario["vehicles"] > 2 or scenario.get("fence") else "auto")
         if len(worst) == 2:
             pair = run.pairs[(run.pairs.i == worst[0]) & (run.pairs.j == worst[1])]
             distance.plot(pair.t_s, pair.distance_m, color=BLACK)
