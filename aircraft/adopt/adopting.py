@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aircraft.adopt.controls import Controls, find_controls, thrust_lag
+from aircraft.adopt.controls import Controls, find_controls, has_rudder, thrust_lag
 from aircraft.adopt.copying import Copy, safe_copy
 from aircraft.adopt.derivatives import Local, differentiate
 from aircraft.adopt.failures import AdoptionError
@@ -77,6 +77,9 @@ def examine(name_or_path: str, folder: Path, say: Say) -> Model:
     say("loading: the model in JSBSim")
     try:
         rig = Rig(_loaded(copy, skeleton(folder, folder.name, setup, engines, rudder=True), notes))
+        rudder = has_rudder(rig)
+        if not rudder:
+            rig = Rig(skeleton(folder, folder.name, setup, engines, rudder=False))
         say("speeds: stall, and level flight from the slowest up")
         found = find_speeds(rig)
         middle = found.near((found.lowest + found.highest) / 2)
@@ -87,7 +90,9 @@ def examine(name_or_path: str, folder: Path, say: Say) -> Model:
         if least > 0:
             notes.append(f"its engines stop below throttle {least:g}: that is its idle")
             engines = engines.model_copy(update={"idle": least})
-        airframe = skeleton(folder, folder.name, setup, engines, rudder=controls.rudder is not None)
+        airframe = skeleton(
+            folder, folder.name, setup, engines, rudder=rudder and controls.rudder is not None
+        )
         rig = Rig(airframe)
         say("derivatives: differentiating the model at level flights")
         locals_, thrusts = [], []

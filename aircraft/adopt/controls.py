@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from aircraft.adopt.rig import DT_S, Held, Rig
 from aircraft.airframes.schema import RECORDED_ANGLES
 from aircraft.airframes.setup import is_property
 from aircraft.jsbsim.engines import run_held
+from aircraft.jsbsim.geodesy import G_MPS2
 
 Array = NDArray[np.float64]
 
@@ -90,6 +92,15 @@ def find_controls(rig: Rig, held: Held) -> Controls:
     return Controls(elevator, aileron, found["rudder"], shared, tuple(notes))
 
 
+def has_rudder(rig: Rig) -> bool:
+    """Whether fcs/rudder-cmd-norm yaws the aircraft, in flight that need not be steady."""
+    speed = float(np.sqrt(2 * rig.mass * G_MPS2 / (rig.density * rig.wing_area * 0.6)))
+    commands = dict.fromkeys(AXES, 0.0) | {"throttle": rig.airframe.engines.idle}
+    attitude, velocity = np.array([0.0, 0.05, 0.0]), speed * np.array([np.cos(0.05), 0.0, np.sin(0.05)])
+    held = Held(rig, attitude, velocity, commands, [])
+    return abs(_slope(held, "rudder", AXES["rudder"])) >= _LEAST_RADPS2["rudder"]
+
+
 def _slope(held: Held, name: str, axis: int) -> float:
     """Angular acceleration by a command, per full command [rad/s^2]."""
     at = held.commands[name]
@@ -102,9 +113,10 @@ def _slope(held: Held, name: str, axis: int) -> float:
 
 def _positions(rig: Rig) -> list[str]:
     """Properties of the model that say a surface's position in rad."""
-    listed = str(rig.fdm.executive.query_property_catalog("pos-rad")).split()
-    own = (p for p in listed if p.endswith("pos-rad") and is_property(p) and "/" in p)
-    return sorted(p for p in own if not p.split("/")[-1].startswith("mag-"))
+    listed = str(rig.fdm.executive.query_property_catalog("pos-rad"))
+    # A property with properties below it, as an actuator's, is listed by those alone.
+    found = {m[0] for m in re.finditer(r"(?m)^\S*?pos-rad(?=[\s/])", listed + "\n")}
+    return sorted(p for p in found if is_property(p) and not p.split("/")[-1].startswith("mag-"))
 
 
 def _moved(rig: Rig, held: Held, name: str, positions: list[str]) -> tuple[list[str], float]:

@@ -27,6 +27,7 @@ def airframe_gains(rig: Rig, locals_: Sequence[Local], controls: Controls) -> Ga
         return float(np.mean([value(x) for x in locals_]))
 
     elevator, aileron = controls.elevator, controls.aileron
+    drag = _drag_by_lift(locals_)
     gains = {
         "mass_kg": rig.mass,
         "wing_area_m2": rig.wing_area,
@@ -34,8 +35,8 @@ def airframe_gains(rig: Rig, locals_: Sequence[Local], controls: Controls) -> Ga
         "cl_q_m": mean(
             lambda x: (x.lift["q"] + x.lift["elevator"] * _elevator(x, "q")) / x.lift_per_cl * x.v
         ),
-        "cd_1": 0.0,
-        "cd_2": max(mean(_drag_by_lift), 0.0),
+        "cd_1": drag[0],
+        "cd_2": drag[1],
         "elevator_per_alpha": mean(lambda x: _elevator(x, "alpha")),
         "elevator_per_alpha2": 0.0,
         "elevator_per_q_m": mean(lambda x: _elevator(x, "q") * x.v),
@@ -69,7 +70,7 @@ def level_gains(locals_: Sequence[Local], controls: Controls, airframe: Gains) -
         cl, t = G_MPS2 / x.lift_per_cl, x.trim
         gains[f"v{k}_mps"] = x.v
         gains[f"cl{k}"] = cl - airframe["cl_alpha"] * t.alpha
-        gains[f"cd{k}"] = x.drag / x.lift_per_cl - airframe["cd_2"] * cl**2
+        gains[f"cd{k}"] = x.drag / x.lift_per_cl - (airframe["cd_1"] + airframe["cd_2"] * cl) * cl
         gains[f"elevator{k}_rad"] = (
             t.elevator * airframe["elevator_norm_rad"] - airframe["elevator_per_alpha"] * t.alpha
         )
@@ -106,10 +107,14 @@ def _elevator(x: Local, name: str) -> float:
     return -x.pitch[name] / x.pitch["elevator"]
 
 
-def _drag_by_lift(x: Local) -> float:
-    """cd_2: half the slope of drag over lift coefficient, over the lift coefficient."""
-    slope = x.drag_by_alpha / x.lift["alpha"] if x.lift["alpha"] else 0.0
-    return slope / (2 * G_MPS2 / x.lift_per_cl)
+def _drag_by_lift(locals_: Sequence[Local]) -> tuple[float, float]:
+    """cd_1 and cd_2: drag by lift coefficient is cd_1 + 2 cd_2 CL, fitted to its slopes at the trims."""
+    cl = [G_MPS2 / x.lift_per_cl for x in locals_]
+    slopes = [x.drag_by_alpha / x.lift["alpha"] if x.lift["alpha"] else 0.0 for x in locals_]
+    rise, at_zero = np.polyfit(cl, slopes, 1)
+    if rise > 0.0:
+        return float(at_zero), float(rise / 2)
+    return 0.0, max(float(np.mean(np.array(slopes) / (2 * np.array(cl)))), 0.0)
 
 
 def _shared(controls: Controls) -> float:

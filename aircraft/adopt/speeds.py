@@ -137,7 +137,7 @@ def _level(rig: Rig, v: float, near: Trim | None) -> Trim | None:
 
 def _lowest(rig: Rig, v: float) -> Trim:
     first = v
-    for _ in range(16):
+    for _ in range(9):
         found = _level(rig, v, None)
         if found is not None:
             return found

@@ -68,7 +68,7 @@ def trim(fdm: Instance, start: Start, omega: float = 0.0, near: Trim | None = No
 
 
 def attempt(fdm: Instance, start: Start, omega: float = 0.0, near: Trim | None = None) -> Trim | None:
-    """`trim` by Newton's method alone, from `near` and from usual angles of attack; None if it fails.
+    """`trim` without continuation, from `near` and from usual angles of attack; None if it fails.
 
     Quick where there is no such flight; it does not say why.
     """
@@ -81,6 +81,8 @@ def attempt(fdm: Instance, start: Start, omega: float = 0.0, near: Trim | None =
         guesses.append(guess)
     for guess in guesses[:2]:
         x = correct(problem, p, guess)
+        if x is None and not problem.slow:
+            x = solve(problem, p, guess)
         if x is not None:
             return _trim_at(fdm, x, speed, climb, heading)
     return None

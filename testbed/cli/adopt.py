@@ -59,8 +59,7 @@ def adopt(
             f" disk margin {w['disk_margin']:.2f}"
         )
         print(f"{folder}: airframe.toml, README.md, the model and its autopilot")
-        print(
-            f"next: testbed run paper-2-turn --plant jsbsim --set \"airframes=['{folder}']\" --scale-to-airframe"
-        )
+        fly = f"--plant jsbsim --set \"airframes=['{folder}']\" --scale-to-airframe"
+        print(f"next: testbed run paper-2-turn {fly}")
     if verdict.kind != GOOD:
         raise typer.Exit(1)
