@@ -230,6 +230,11 @@ class Airframe(Strict):
                 raise KeyError(f"{self.name} has no gain {key}; near: {', '.join(near) or 'none'}")
         return self.model_copy(update={"gains": gains, "parameters": parameters})
 
+    def gain(self, key: str) -> float:
+        """The value of what `with_gains` calls `key`; KeyError if there is none."""
+        section, _, name = key.partition(".")
+        return self.parameters[key] if key in self.parameters else self.gains[section][name]
+
     def gain_names(self) -> list[str]:
         """What `with_gains` can change: section.name of gains, and the parameters of the autopilot."""
         return [f"{s}.{n}" for s, names in self.gains.items() for n in names] + list(self.parameters)

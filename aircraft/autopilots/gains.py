@@ -86,12 +86,16 @@ def read(path: Path) -> GainsFile:
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     name, gains = tables.get("base"), tables.get("gains")
+    parameters = tables.get("parameters")
+    if isinstance(parameters, dict) and gains is None:
+        gains = {}
     if not isinstance(name, str) or not isinstance(gains, dict):
         raise ValueError(f'{path}: a gains file needs base = "NAME" and tables [gains.SECTION]')
     if name.endswith(".toml"):  # which could be this file itself
         raise ValueError(f"{path}: base: name an airframe, not another gains file")
     found: dict[str, float] = {}
-    for section, values in gains.items():
+    said = [("gains", section, values) for section, values in gains.items()] + [("", "", parameters)]
+    for table, section, values in said:
         for gain, value in values.items() if isinstance(values, dict) else ():
             number = math.nan
             if isinstance(value, int | float) and not isinstance(value, bool):
@@ -99,8 +103,9 @@ def read(path: Path) -> GainsFile:
                     number = float(value)
             if not math.isfinite(number):
                 got = repr(value) if len(repr(value)) <= 80 else f"{repr(value)[:80]}..."
-                raise ValueError(f"{path}: gains.{section}.{gain}: must be a finite number, got {got}")
-            found[f"{section}.{gain}"] = number
+                where = f"{table}.{section}.{gain}" if table else f"parameters.{gain}"
+                raise ValueError(f"{path}: {where}: must be a finite number, got {got}")
+            found[f"{section}.{gain}" if section else gain] = number
     try:
         lags = identified(tables["identified"]) if "identified" in tables else None
     except ValueError as error:
@@ -140,10 +145,10 @@ def write(path: Path, base: str, gains: Mapping[str, float], provenance: Mapping
     lines += [f"{key} = {json.dumps(value)}" for key, value in provenance.items()]
     sections: dict[str, list[str]] = {}
     for key, value in gains.items():
-        section, _, name = key.partition(".")
+        section, _, name = key.rpartition(".")
         sections.setdefault(section, []).append(f"{name} = {value!r}")
     for section, rows in sections.items():
-        lines += ["", f"[gains.{section}]", *rows]
+        lines += ["", f"[gains.{section}]" if section else "[parameters]", *rows]
     path.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
@@ -152,7 +157,7 @@ def resolve(airframe: Airframe, name: str) -> str:
 
     Raises  ValueError naming the gains it could be
     """
-    known = [f"{s}.{n}" for s, names in airframe.gains.items() for n in names]
+    known = airframe.gain_names()
     if name in known:
         return name
     # turn.damping is that gain even where turn.damping_limit exists; a unit may always be left out

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aircraft.airframes.schema import Airframe, Speeds
+from aircraft.airframes.schema import INVERTING, Airframe, Speeds
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import linear_model
 from aircraft.autopilots.margins import Margins, margins, model_response, response
@@ -131,6 +131,55 @@ def steps(speeds: Speeds) -> tuple[Step, ...]:
     )
 
 
+# Bounds of autopilots that people fly: group -> quantity -> bound. They are a third above what the loops
+# take on the X8 with their default gains and with gains made for it. Neither feeds back the course rate: a
+# turn ends up to a tenth short.
+_TURNS = {"t63_s": 0.9, "overshoot": 0.1, "altitude_change_m": 3.0, "final_error": 0.13}
+_ALL = {"omega_overshoot": 0.3, "crossings": 3.0}
+_CLASSES: dict[str, dict[str, dict[str, float]]] = {
+    "arduplane": {
+        "turn": _TURNS,
+        "speed": {"t63_s": 9.0, "overshoot": 0.22},
+        "climb": {"t63_s": 6.5, "overshoot": 0.15, "speed_change_mps": 2.0},
+        "all": _ALL,
+    },
+    "px4": {
+        "turn": _TURNS,
+        "speed": {"t63_s": 8.0, "overshoot": 0.1},
+        "climb": {"t63_s": 1.0, "overshoot": 0.35, "speed_change_mps": 1.5},
+        "all": _ALL,
+    },
+}
+_OWN = {  # an autopilot of the user's own: as fast as the slower of the two
+    "turn": _TURNS,
+    "speed": {"t63_s": 9.0, "overshoot": 0.22},
+    "climb": {"t63_s": 6.5, "overshoot": 0.35, "speed_change_mps": 2.0},
+    "all": _ALL,
+}
+_CLASS_DURATION_S = {"turn": 10.0, "speed": 30.0, "climb": 30.0, "all": 30.0}
+_CLIMB_MAX = (
+    "TECS_CLMB_MAX",
+    "FW_T_CLMB_MAX",
+)  # what an autopilot's parameters allow; faster climbs are not asked
+
+
+def steps_of(airframe: Airframe) -> tuple[Step, ...]:
+    """The steps at the airframe's speeds, with the bounds of its autopilot's class."""
+    if airframe.autopilot == INVERTING:
+        return steps(airframe.speeds)
+    bounds = _CLASSES.get(airframe.autopilot, _OWN)
+    most = min((airframe.parameters[n] for n in _CLIMB_MAX if n in airframe.parameters), default=math.inf)
+    found = []
+    for step in steps(airframe.speeds):
+        v, omega, zeta = step.command
+        if step.group not in bounds or (step.group == "climb" and zeta > most):
+            continue
+        lasts = duration(airframe.speeds, _CLASS_DURATION_S[step.group])
+        command = (v, omega, min(zeta, most))
+        found.append(replace(step, command=command, targets=bounds[step.group], duration=lasts))
+    return tuple(found)
+
+
 AT_LEAST = ("v_below", "limited_zeta", *MARGINS)
 # Bounds that an airframe's step_factor does not widen; it widens all others.
 ABSOLUTE = ("crossings", "v_above", *AT_LEAST)
@@ -236,9 +285,7 @@ def _mixed(airframe: Airframe) -> bool:
 
 def evaluate(airframe: Airframe, groups: Sequence[str] = GROUPS) -> list[Row]:
     """Every row of the specification that belongs to `groups`."""
-    rows = [
-        row for step in steps(airframe.speeds) if step.group in groups for row in flown(airframe, step)[1]
-    ]
+    rows = [row for step in steps_of(airframe) if step.group in groups for row in flown(airframe, step)[1]]
     if "margins" in groups:
         rows += margin_rows(airframe)
     if "turbulence" in groups:

@@ -23,7 +23,7 @@ from aircraft.autopilots.margins import (
     response,
 )
 from aircraft.autopilots.specification import Row, Step, flown, margin_rows, turbulence_rows
-from aircraft.autopilots.specification import steps as specified
+from aircraft.autopilots.specification import steps_of as specified
 from aircraft.autopilots.stability import Instability, instabilities
 from aircraft.autopilots.tuning import Flight
 from aircraft.datasheets.envelope import Box, Corner, Limits, corners, envelope
@@ -116,7 +116,7 @@ def describe(
             found_loops += [compare(airframe, v, loop) for loop in loops(airframe)]
     progress("steps")
     steps, rows = [], []
-    for step in specified(airframe.speeds):
+    for step in specified(airframe):
         flight, scored = flown(airframe, step)
         steps.append((step, flight))
         rows += scored

@@ -39,8 +39,7 @@ def draw(
         figure, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.2 * rows), layout="constrained", squeeze=False)
         for axes, name in zip(grid.flat, shown, strict=False):
             _lines(axes, table, sweeps, name)
-            section, _, key = sweeps[0].gain.partition(".")
-            axes.axvline(airframe.gains[section][key], **LIMIT)
+            axes.axvline(airframe.gain(sweeps[0].gain), **LIMIT)
             axes.set(xlabel=sweeps[0].gain, ylabel=LABELS[name])
             if name == "min_distance_m" and scenario is not None:
                 separation(axes, scenario.d_safe_m)

@@ -23,12 +23,11 @@ def changed_gains(airframe: Airframe, source: str) -> dict[str, float]:
     """The gains in which the airframe differs from the one it is read from: those of --gains."""
     from aircraft.airframe import load
 
-    before = load(source).gains
+    before = load(source)
     return {
-        f"{section}.{name}": value
-        for section, names in airframe.gains.items()
-        for name, value in names.items()
-        if before[section][name] != value
+        name: airframe.gain(name)
+        for name in airframe.gain_names()
+        if before.gain(name) != airframe.gain(name)
     }
 
 

@@ -34,6 +34,7 @@ class Sweep:
     def parse(cls, text: str, airframe: Airframe) -> Sweep:
         """From GAIN=FROM:TO:COUNT, factors in equal ratios, or GAIN=FROM:TO:COUNT:abs, values in equal steps.
 
+        Ranges of an autopilot's parameters, such as RLL2SRV_TCONST, are values.
         Raises  UserError naming what is wrong with `text`
         """
         from aircraft.autopilots.gains import resolve
@@ -54,12 +55,11 @@ class Sweep:
             gain = resolve(airframe, name.strip())
         except ValueError as error:
             raise UserError(f"--sweep {text}: {error}") from None
-        if absolute:
+        if absolute or gain in airframe.parameters:
             return cls(gain, tuple(np.linspace(low, high, count).tolist()))
         if not (low > 0 and high > 0):
             raise UserError(f"--sweep {text}: factors must be above 0; for values append :abs")
-        section, _, key = gain.partition(".")
-        own = airframe.gains[section][key]
+        own = airframe.gain(gain)
         return cls(gain, tuple((own * np.geomspace(low, high, count)).tolist()))
 
 
