@@ -83,6 +83,7 @@ class Future:
     climb_j: Array
     delta: float
     smoothing: float
+    any_kink: bool = False  # whether the gradient at a kink may be that of any minimum, as a rollout's is
 
     def fly(self, a: Pose, b: Pose) -> Flown:
         """From poses (..., P) of the vehicles i and j."""
@@ -118,7 +119,8 @@ class Future:
         along = np.where(directed, first.conj(), 0.0) / np.where(swing > 0.0, swing, 1.0)
         off = NOISE * (1.0 + size)
         # How far the harmonic's direction may be wrong turns its change.
-        astray = np.where(directed, off / np.maximum(swing, off), 0.0) + NOISE
+        lost = 1.0 if self.any_kink else 0.0
+        astray = np.where(directed, off / np.maximum(swing, off), lost) + NOISE
         change_off = np.abs(first_change) * astray + NOISE * (1.0 + np.abs(mean_change))
         return mean - swing, mean_change - (along * first_change).real, off, change_off, first
 
@@ -215,9 +217,8 @@ def future(s: dict[str, Any], i: Array, j: Array) -> Future | None:
         if np.ptp(omega) or (omega[0] and not alike):
             return None
         kind = "turn" if omega[0] else "straight"
-    return Future(
-        kind, b["form"], s["d_safe_m"], v[i], v[j], omega[i], zeta[i], zeta[j], delta, smoothing
-    )  # fmt: skip
+    flown = v[i], v[j], omega[i], zeta[i], zeta[j]
+    return Future(kind, b["form"], s["d_safe_m"], *flown, delta, smoothing, b["kind"] == "rollout")
 
 
 def manoeuvre(s: dict[str, Any]) -> Array:
