@@ -15,6 +15,14 @@ class FdmError(RuntimeError):
         self.line = line
 
 
+class UnsteadyError(FdmError):
+    """There is no steady flight; `missing` says which force or moment is missing, at which airspeed."""
+
+    def __init__(self, message: str, missing: str) -> None:
+        super().__init__(f"{message}: {missing}")
+        self.missing = missing
+
+
 class UnresolvedError(FdmError):
     """A model refers to properties that do not exist; `findings` names each, with file and line."""
 

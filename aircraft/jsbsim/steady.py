@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from aircraft.jsbsim import shortfall
 from aircraft.jsbsim.continuation import Problem, Reached, correct, follow, solve
 from aircraft.jsbsim.engines import is_captive, settle
-from aircraft.jsbsim.errors import FdmError
+from aircraft.jsbsim.errors import FdmError, UnsteadyError
 from aircraft.jsbsim.geodesy import G_MPS2
 from aircraft.jsbsim.rest import Instance, Start, initialise, place
 from aircraft.jsbsim.shortfall import AILERON, ELEVATOR, RUDDER, THROTTLE, balance
@@ -60,9 +60,10 @@ def trim(fdm: Instance, start: Start, omega: float = 0.0, near: Trim | None = No
     guess = None if near is None else _unknowns(near, len(problem.lowest))
     x, missing = find(fdm, problem, p, heading, (speeds.start_mps, speeds.v_min_mps, speeds.v_max_mps), guess)
     if x is None:
-        raise FdmError(
+        raise UnsteadyError(
             f"{airframe.name} cannot fly steadily at ground speed {start.v:g} m/s, climb {start.zeta:g} m/s, "
-            f"turn {omega:g} rad/s, wind {start.wind} m/s: {missing}"
+            f"turn {omega:g} rad/s, wind {start.wind} m/s",
+            missing,
         )
     return _trim_at(fdm, x, speed, climb, heading)
 

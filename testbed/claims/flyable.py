@@ -21,7 +21,7 @@ def unflyable(s: Scenario, barrier: Barrier, airframes: Sequence[Airframe]) -> l
     gamma = barrier.manoeuvre(s.vehicles)
     if s.plant != "jsbsim" or gamma is None:
         return []
-    from aircraft.jsbsim.errors import FdmError
+    from aircraft.jsbsim.errors import FdmError, UnsteadyError
     from aircraft.jsbsim.trim import trim
 
     reasons, known, strangers = [], {}, fleet.intruders(s)
@@ -36,10 +36,10 @@ def unflyable(s: Scenario, barrier: Barrier, airframes: Sequence[Airframe]) -> l
                     trim(airframe, airspeed, zeta, omega)
                     known[case] = ""
                 except (FdmError, ValueError) as error:
-                    known[case] = str(error)
+                    known[case] = error.missing if isinstance(error, UnsteadyError) else str(error)
             if known[case]:
                 reasons.append(
                     f"vehicle {vehicle + 1} ({airframe.name}) has no steady turn of"
-                    f" {math.degrees(omega):.1f} deg/s at {airspeed:.1f} m/s"
+                    f" {math.degrees(omega):.1f} deg/s at {airspeed:.1f} m/s: {known[case]}"
                 )
     return reasons

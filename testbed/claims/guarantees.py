@@ -121,7 +121,9 @@ def _invariance(f: Flown, v: Verdict) -> Verdict:
     v = at_pair(v, f.statistics.h.among(f.judged), f.i, f.j, -H_TOLERANCE_M)
     if not f.started_safe:
         return premise_not_met(v, "the start is outside the safe set")
-    return decide(v, v.value is not None and v.value >= -H_TOLERANCE_M, f.end)
+    if v.value is None:
+        return premise_not_met(v, "no step was flown")
+    return decide(v, v.value >= -H_TOLERANCE_M, f.end)
 
 
 def _condition(f: Flown, v: Verdict) -> Verdict:

@@ -15,7 +15,7 @@ from testbed.claims import registry
 from testbed.claims.monitored import MONITORED, OF_THE_FLOW
 from testbed.errors import UserError
 from testbed.verification import fleet
-from testbed.verification.columns import columns
+from testbed.verification.columns import columns, ending
 from testbed.verification.coverage import Uncovered, uncovered
 from testbed.verification.fence_claims import Fenced, without_fences
 from testbed.verification.filter_claims import filtering
@@ -23,6 +23,7 @@ from testbed.verification.finding import Finding, Judge
 from testbed.verification.future import Pose, fly_on
 from testbed.verification.manoeuvre_claim import manoeuvre_keeps
 from testbed.verification.monitor_claims import monitored
+from testbed.verification.no_steps import unflown
 from testbed.verification.own_claims import declared
 from testbed.verification.pair_claims import OF_PAIRS, SOLVING, Pairs
 from testbed.verification.path_bounds import PathBounds
@@ -64,6 +65,10 @@ def _findings(run: Recorded) -> Iterator[Finding]:
     yield Finding("rows", f"{len(run.t)} instants", "all there", True)
     yield _entries(run)
     yield from wording(run)
+    if not len(run.t):
+        yield ending(run)
+        yield from sorted(unflown(run), key=_place)
+        return
     flown = fly_on(run.scenario, Pose(run.position, run.vehicles["theta_rad"]), run.i, run.j)
     pairs = Pairs(run, flown) if flown is not None and run.i.size else None
     rows, paths = Rows.of(run, pairs), PathBounds.of(run)
@@ -79,10 +84,14 @@ def _findings(run: Recorded) -> Iterator[Finding]:
     if (g9 := run.guarantees.get(registry.MANOEUVRE_KEEPS_DS.id)) is not None:
         some = fleet.among(run, fleet.which(run, "ours")) if fleet.strangers(run.scenario) else run
         judged.append(manoeuvre_keeps(pairs and pairs.among("ours"), Judge(some, g9)))
-    # In the registry's order; what is no claim after it.
-    order = {f"{claim.number} {claim.id}": k for k, claim in enumerate(registry.CLAIMS.values())}
-    yield from sorted(judged, key=lambda f: order.get(f.what, len(order)))
+    yield from sorted(judged, key=_place)
     yield from monitored(rows)
+
+
+def _place(finding: Finding) -> int:
+    """Its place in the registry's order; what is no claim comes after it."""
+    order = [f"{claim.number} {claim.id}" for claim in registry.CLAIMS.values()]
+    return order.index(finding.what) if finding.what in order else len(order)
 
 
 def _entries(run: Recorded) -> Finding:

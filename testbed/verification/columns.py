@@ -33,7 +33,7 @@ START = {False: 1e-9, True: 1e-4}
 
 def columns(run: Recorded, paths: PathBounds, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
     yield _numbers(run)
-    yield _end(run)
+    yield ending(run)
     if "plant" not in run.parts:
         yield from _start(run)
     if len(run.t) > 1:
@@ -65,7 +65,7 @@ def _numbers(run: Recorded) -> Finding:
     )
 
 
-def _end(run: Recorded) -> Finding:
+def ending(run: Recorded) -> Finding:
     """The run ended when the manifest says, after as many filter steps."""
     s, dt = run.scenario, run.scenario["rates"]["filter_dt_s"]
     record, steps = s["rates"]["record_dt_s"], run.manifest.get("filter_steps")
@@ -83,7 +83,8 @@ def _end(run: Recorded) -> Finding:
         wrong.append(f"{len(run.t)} instants are recorded, should be {rows}")
     if steps != due:
         wrong.append(f"filter_steps is {steps}, should be {due}")
-    return Finding("end", said, f"{run.t[-1]:g} s recorded", not wrong, None, "; ".join(wrong))
+    own = f"{run.t[-1]:g} s recorded" if len(run.t) else "nothing recorded"
+    return Finding("end", said, own, not wrong, None, "; ".join(wrong))
 
 
 def _start(run: Recorded) -> Iterator[Finding]:

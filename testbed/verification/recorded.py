@@ -142,7 +142,7 @@ def read(folder: Path) -> Recorded:
     for name, table in (("vehicles", vehicles), ("pairs", pairs), ("fences", fences)):
         if table and (
             len(table["t_s"]) != len(t)
-            or np.abs(table["t_s"] - period * np.arange(len(t))[:, None]).max() > 1e-6
+            or np.abs(table["t_s"] - period * np.arange(len(t))[:, None]).max(initial=0.0) > 1e-6
         ):
             raise UserError(f"{folder}: {name}.parquet has instants that are missing or out of place")
     changed = [
@@ -214,8 +214,6 @@ def _table(folder: Path, name: str, size: int, keys: dict[str, Array]) -> dict[s
         table = parquet.ParquetFile(folder / f"{name}.parquet").read()
     except (OSError, pyarrow.ArrowException) as error:
         raise UserError(f"{folder}: {name}.parquet cannot be read: {error}") from None
-    if not table.num_rows:
-        raise UserError(f"{folder}: {name}.parquet has no rows, so there is nothing to verify")
     if table.num_rows % size:
         raise UserError(f"{folder}: {name}.parquet has {table.num_rows} rows, not a multiple of {size}")
     columns = {c: table[c].to_numpy(zero_copy_only=False).reshape(-1, size) for c in table.column_names}
