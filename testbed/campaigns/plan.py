@@ -14,10 +14,11 @@ from testbed.campaigns.draw import draw
 from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
 from testbed.campaigns.sent_parts import OwnParts, SentParts, origins
+from testbed.claims.registry import SEPARATION, SEPARATION_INTRUDERS
 from testbed.components.choices import AXES, Choice, choices, everywhere
 from testbed.components.installed_parts import effective
 from testbed.errors import UserError, nearest, short
-from testbed.scenario import scenario
+from testbed.scenario import fleet, scenario
 from testbed.scenario.location import identity, placed
 from testbed.scenario.overrides import assign
 from testbed.scenario.scenario import Scenario, field_path
@@ -158,6 +159,7 @@ def expand(
             if seed == seeds[0] or draws:
                 where = _said(parameters | ({"seed": seed} if draws else {}), campaign.name)
                 s = variants.add(_with(data, draws, seed), where)
+                _decidable(campaign.guarantee, s, where)
                 content, own = identity(s.model_dump(mode="json")), hashes.of(s)
                 flown = [o] if (o := origins(effective(s)) | given) else []
             run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own, *flown])
@@ -176,6 +178,18 @@ def _parted(campaign: Campaign, roles: Mapping[str, str]) -> dict[str, list[Choi
 def _name(role: str) -> str:
     """The axis of a role, as tables call it."""
     return ".".join(AXES[role].field)
+
+
+def _decidable(guarantee: str, s: Scenario, where: str) -> None:
+    """UserError for a guarantee about pairs of which a scenario has none."""
+    strangers = len(fleet.intruders(s))
+    if guarantee == SEPARATION_INTRUDERS.id and not strangers:
+        raise UserError(f"{where}: guarantee {guarantee!r}: no vehicle is an intruder (filter = false)")
+    if guarantee == SEPARATION.id and strangers and s.vehicles - strangers < 2:
+        raise UserError(
+            f"{where}: guarantee {guarantee!r}: one vehicle under the filter has no pair;"
+            f" say guarantee = {SEPARATION_INTRUDERS.id!r}"
+        )
 
 
 def _axes(campaign: Campaign, parted: Mapping[str, list[Choice]]) -> dict[str, dict[Any, Fields]]:

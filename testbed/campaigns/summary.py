@@ -9,6 +9,8 @@ import numpy as np
 from testbed.campaigns.distinct import distinct_results
 from testbed.campaigns.flight import FAILED, REFUSED
 from testbed.campaigns.progress import Progress
+from testbed.claims.registry import SEPARATION_INTRUDERS
+from testbed.records.verdict import Status
 from testbed.statistics import Quantile, Rate, paired_verdicts, quantile, rate
 
 
@@ -53,6 +55,8 @@ def summary(state: Progress) -> list[dict[str, Any]]:
             "decision": str(look.decision) if look is not None else None,
             "against_first": None,
         }
+        if (beside := _beside_intruders(guarantee, found)) is not None:
+            row["beside_intruders"] = beside
         if first is None:
             first = outcomes
         elif n := min(first.size, outcomes.size):
@@ -64,6 +68,20 @@ def summary(state: Progress) -> list[dict[str, Any]]:
             }
         rows.append(row)
     return rows
+
+
+def _beside_intruders(guarantee: str, found: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """How many runs lost the separation from intruders, and its least value, beside what is counted.
+
+    None where there are no intruders, or that is what is counted.
+    """
+    name = SEPARATION_INTRUDERS.id
+    known = [row["guarantees"][name] for row in found if name in row["guarantees"]]
+    if guarantee == name or not known:
+        return None
+    values = [value for value, _ in known if value is not None]
+    lost_ = sum(verdict != Status.HOLDS for _, verdict in known)
+    return {"lost": lost_, "least": float(min(values)) if values else None}
 
 
 def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -84,6 +102,9 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             "least": number(r["least"]),
             "median": number(r["median"]),
         }
+        if any("beside_intruders" in q for q in rows):
+            beside = r.get("beside_intruders", {"lost": 0, "least": None})
+            line |= {"lost to intruders": beside["lost"], "least to them": number(beside["least"])}
         for name in ("refused", "failed"):
             if any(q[name] for q in rows):
                 line[name] = r[name]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.claims.registry import FENCE_CLEARANCE, SAFE_SET, SEPARATION
+from testbed.claims.registry import FENCE_CLEARANCE, SAFE_SET, SEPARATION, SEPARATION_INTRUDERS
 from testbed.cli.common import (
     JsonOption,
     OutOption,
@@ -28,7 +28,7 @@ EXAMPLES = (
     "Examples: testbed falsify paper-20-turn --budget 200;"
     " testbed falsify paper-2-turn --plant jsbsim --set filter_dt_s=0.05 --set ds_buffer_m=2 --wind 8"
 )
-GUARANTEES = (SEPARATION.id, SAFE_SET.id, FENCE_CLEARANCE.id)
+GUARANTEES = (SEPARATION.id, SEPARATION_INTRUDERS.id, SAFE_SET.id, FENCE_CLEARANCE.id)
 
 
 def falsify(

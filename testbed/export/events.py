@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from testbed.claims.registry import SEPARATION
+from testbed.claims.registry import SEPARATION, SEPARATION_INTRUDERS
 from testbed.records.run import Run
 from testbed.records.verdict import Status, Verdict
 from testbed.report.fences import named
 from testbed.report.tables import number
 
 NO_SOLUTION = ("infeasible", "iteration_limit")
+NEAREST = (SEPARATION.id, SEPARATION_INTRUDERS.id)
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,10 @@ def events(run: Run) -> list[Event]:
     pairs, vehicles = run.pairs, run.vehicles
     d_safe = run.manifest["scenario"]["d_safe_m"]
     unit = "m" if run.manifest["scenario"]["barrier"]["form"] == "root" else "m^2"
+    tables = run.manifest["scenario"].get("vehicle", [])
+    strangers = [k for k, v in enumerate(tables, 1) if not v.get("filter", True)]
+    if strangers:  # what happens between intruders is nobody's promise
+        pairs = pairs[~(pairs.i.isin(strangers) & pairs.j.isin(strangers))]
     if len(pairs):
         for row in _entered(pairs, ["i", "j"], pairs.distance_m < d_safe):
             text = f"closer than Ds {d_safe:g} m: {row.distance_m:.3f} m"
@@ -61,7 +66,7 @@ def events(run: Run) -> list[Event]:
 
 
 def _told(v: Verdict) -> bool:
-    return v.status is Status.VIOLATED or (v.id == SEPARATION.id and v.value is not None)
+    return v.status is Status.VIOLATED or (v.id in NEAREST and v.value is not None)
 
 
 def _worst(v: Verdict) -> Event:

@@ -13,6 +13,7 @@ from testbed.components.components import Parts
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.verdict import Status
+from testbed.scenario import fleet
 from testbed.scenario.scenario import Scenario, parse
 from testbed.simulation.simulate import run
 from testbed.studies.common.measure import Fields, job_of, override
@@ -46,6 +47,7 @@ _VALUES = {
 }
 # Of scenarios with fences alone.
 _FENCED = {registry.FENCE_CLEARANCE: (-1, 0.01), registry.FENCE_SAFE_SET: (-1, 0.01)}
+_BESIDE = {registry.SEPARATION_INTRUDERS: (-1, 0.01)}
 # Commands and rows come to their bound within rounding: of these two only the status is compared.
 _JUDGED = (
     *(claim for claim in _VALUES if claim is not registry.INTERVENTION),
@@ -68,7 +70,7 @@ DIGITS = 6
 def quantities(s: Scenario) -> list[Quantity]:
     """All that is remembered of a run of `s`, in the order it is shown."""
     h = "m" if s.barrier.form == "root" else "m^2"
-    values = _VALUES | (_FENCED if s.fence else {})
+    values = _values(s)
     found = [
         Quantity(claim.id, claim.unit_of(s.barrier.form), worse, size)
         for claim, (worse, size) in values.items()
@@ -94,7 +96,7 @@ def fly(job: Job) -> dict[str, float | None]:
     if done.manifest["ended_early"]:
         return {n: 1.0 if n.endswith(" lost") or n == f"not {_END}" else None for n in names}
     verdicts = {v.id: v for v in done.guarantees}
-    row = {claim.id: verdicts[claim.id].value for claim in _VALUES | (_FENCED if s.fence else {})}
+    row = {claim.id: verdicts[claim.id].value for claim in _values(s)}
     row |= _tracking(done, s.vehicles)
     quantiles = hdot_ledger.summary(done, _NEAR_H_M)["quantiles"]
     row |= {_ledger_name(part, q): quantiles[part][q] if quantiles else None for part, q in _LEDGER}
@@ -109,7 +111,13 @@ def fly(job: Job) -> dict[str, float | None]:
 
 def _judged(s: Scenario) -> tuple[registry.Claim, ...]:
     """The claims whose statuses are compared."""
-    return (*_JUDGED, *_FENCED) if s.fence else _JUDGED
+    return (*_JUDGED, *(claim for claim in _values(s) if claim not in _VALUES))
+
+
+def _values(s: Scenario) -> dict[registry.Claim, tuple[int, float]]:
+    """The claims whose values are compared: of fences and intruders where there are some."""
+    more = _FENCED if s.fence else {}
+    return _VALUES | more | (_BESIDE if fleet.intruders(s) else {})
 
 
 def _tracking(done: Run, vehicles: int) -> dict[str, float | None]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbed.claims.registry import SEPARATION
+from testbed.claims.registry import SEPARATION, SEPARATION_INTRUDERS
 from testbed.report.style import BLACK, BLUE, LIMIT, PAGE, VERMILION
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def cells(
             right.plot(np.median(of), k, "|", ms=14, mew=2, color=BLACK)
     if bound is not None:
         right.axvline(bound, **LIMIT)
-    if guarantee == SEPARATION.id:
+    if guarantee in (SEPARATION.id, SEPARATION_INTRUDERS.id):
         right.set_xlabel("least distance [m]" + ("" if bound is None else " (dotted: Ds)"))
     else:
         right.set_xlabel(f"value of {guarantee}")

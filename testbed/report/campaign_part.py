@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from testbed.campaigns.distinct import counted
 from testbed.campaigns.folder import MANIFEST, RUNS, SUMMARY
 from testbed.campaigns.identity import changed_airframes
-from testbed.claims.registry import GOAL, MANOEUVRE_KEEPS_DS, SEPARATION
+from testbed.claims.registry import GOAL, MANOEUVRE_KEEPS_DS, SEPARATION, SEPARATION_INTRUDERS
 from testbed.records.verdict import Status
 from testbed.report import embed, settings
 from testbed.report.blocks import KEPT, LOST, OPEN, Block, Fact, Part, Picture, Section, Table, download
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 # Cells whose rate stands beside the verdict; all are in the table.
 MOST_FACTS = 24
+
+
+# Guarantees whose values are distances, judged by Ds.
+DISTANCES = (SEPARATION.id, SEPARATION_INTRUDERS.id, MANOEUVRE_KEEPS_DS.id)
 
 
 def part(folder: Path, title: str) -> Part:
@@ -81,7 +85,7 @@ def _guarantee(manifest: Mapping[str, Any]) -> str:
 
 
 def _quantity(guarantee: str) -> str:
-    return "distances [m]" if guarantee == SEPARATION.id else f"values of {guarantee}"
+    return "distances [m]" if guarantee in DISTANCES else f"values of {guarantee}"
 
 
 def _asked(manifest: Mapping[str, Any]) -> Block:
@@ -149,9 +153,7 @@ def _picture(
 
 def _bound(guarantee: str, manifest: Mapping[str, Any], runs: pd.DataFrame) -> float | None:
     """The bound that all runs are judged by; None where it differs between them."""
-    field = {SEPARATION.id: "d_safe_m", MANOEUVRE_KEEPS_DS.id: "d_safe_m", GOAL.id: "goal_radius_m"}.get(
-        guarantee
-    )
+    field = (dict.fromkeys(DISTANCES, "d_safe_m") | {GOAL.id: "goal_radius_m"}).get(guarantee)
     if field is None:
         return 0.0
     base = _base(manifest) or {}
