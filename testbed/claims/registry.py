@@ -84,6 +84,15 @@ OFF_THE_KINK = Claim(
     "Theorem 2, Appendix",
     "filter steps' motion to the kink, least",
 )
+RANGE_IS_ENOUGH = Claim(
+    "range-is-enough",
+    "P7",
+    Kind.PREMISE,
+    "vehicles know of each other from far enough that a pair is safe when it is first known",
+    "beyond the paper: docs/guide/range.md",
+    "range",
+    "m",
+)
 SEPARATION = Claim(
     "separation",
     "G1",
@@ -232,6 +241,8 @@ GUARANTEES = (
 )
 INTRUDERS = (SEPARATION_INTRUDERS,)
 FENCES = (FENCE_CLEARANCE, FENCE_SAFE_SET)
+# Judged only where the scenario limits how far vehicles know of each other.
+RANGES = (RANGE_IS_ENOUGH,)
 # Judged only of a user's own filter that declares a barrier.
 OWN = (OWN_SAFE_SET, OWN_CONDITION, OWN_ROWS)
 # What rests on the scenario's barrier: such a filter has one of its own and did not promise it. It is still
@@ -258,9 +269,8 @@ def excused(declared: bool, flow: bool) -> frozenset[str]:
     return frozenset({claim.id for claim in OF_THE_PAPERS_BARRIER} - kept)
 
 
-CLAIMS = {
-    claim.id: claim for claim in (*PREMISES, *GUARANTEES, *INTRUDERS, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)
-}
+EVERY = (*PREMISES, *RANGES, *GUARANTEES, *INTRUDERS, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)
+CLAIMS = {claim.id: claim for claim in EVERY}
 # What a run can lose: intervention is reported, not judged.
 JUDGED = (
     *(claim for claim in GUARANTEES if claim is not INTERVENTION),

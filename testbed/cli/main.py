@@ -27,6 +27,7 @@ from testbed.cli import (
     verify,
 )
 from testbed.cli import list as list_
+from testbed.cli import range as cli_range
 from testbed.cli import report as cli_report
 from testbed.cli.interrupts import ending
 
@@ -72,6 +73,7 @@ _add("run", run.run, run.EXAMPLE, "Fly one scenario on one plant and judge it.")
 _add("compare", compare.compare, compare.EXAMPLE, "Fly one scenario on several plants, or up the ladder.")
 _add("list", list_.list_, list_.EXAMPLE, "List the built-in scenarios.")
 _add("schema", schema.schema, schema.EXAMPLE, "Print every field of a scenario file.")
+_add("range", cli_range.range_, cli_range.EXAMPLE, "Print how far vehicles must know of each other.")
 _add("figures", figures.figures, figures.EXAMPLE, "Redraw the paper's figures, with errors.")
 _add("remedies", remedies.remedies, remedies.EXAMPLE, "Compare remedies at equal seeds.")
 _add("margin", margin.margin, margin.EXAMPLE, "Find the smallest setting of a remedy that is enough.")

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from filters.model import Command, State, View
+from testbed.environment.known_range import KnownRange, unseen_steps
 from testbed.environment.network import Network
 from testbed.environment.sensing import Sensing
 from testbed.scenario.scenario import Scenario
@@ -52,6 +53,8 @@ def build(s: Scenario, rngs: dict[str, np.random.Generator]) -> Knowledge:
     course, turn = np.radians(course), np.radians(turn)
     sigmas = np.stack([position, position, course, position, speed, turn, speed], axis=-1)
     stages: list[Callable[[View], View]] = []
+    if m.range_m is not None:
+        stages.append(KnownRange(m.range_m, unseen_steps(m.delay_s + link.latency_s, dt) - 1))
     if sigmas.any():
         persistence = float(np.exp(-dt / m.drift_time_s))
         noise, drift, bias = sigmas

@@ -43,6 +43,8 @@ KINDS: dict[str, Kinds] = {
 LISTED_KINDS: dict[str, Kinds] = {"fence": FENCES}
 # Tables that plain data leave out while they are at their defaults: scenarios without them keep the names
 # that their runs had before there were such tables.
+# Fields of tables, likewise.
+FIELDS_ABSENT_BY_DEFAULT = (("sensing", "range_m"),)
 ABSENT_BY_DEFAULT = ("fence", "vehicle", "intruders")
 
 
@@ -120,6 +122,9 @@ class Contents(Section):
         for name in ABSENT_BY_DEFAULT:
             if name in made and getattr(self, name) == type(self).model_fields[name].default:
                 del made[name]
+        for name, leaf in FIELDS_ABSENT_BY_DEFAULT:
+            if getattr(getattr(self, name), leaf, None) is None:
+                made[name].pop(leaf, None)
         return made
 
     @property

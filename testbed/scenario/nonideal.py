@@ -83,6 +83,11 @@ class Sensing(Section):
     delay_s: Annotated[float, Field(ge=0, le=60)] = Field(
         default=0.0, description="age of every measurement, a vehicle's of itself too"
     )
+    range_m: Positive | None = Field(
+        default=None,
+        description="how far vehicles know of each other, by sensors or by radio; absent: however far."
+        " `testbed range` prints how much is enough",
+    )
 
 
 class Network(Section):

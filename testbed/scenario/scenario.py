@@ -62,6 +62,11 @@ class Scenario(Contents):
             wanted = [(i, j) for i in range(1, n + 1) for j in range(i + 1, n + 1)]
             if [(p.i, p.j) for p in barrier.pairs] != wanted:
                 raise ValueError(f"barrier.pairs: list the pairs {wanted} in this order")
+        if (known := self.sensing.range_m) is not None and known < self.d_safe_m:
+            raise ValueError(
+                f"sensing.range_m: {known:g} m is below Ds, d_safe_m = {self.d_safe_m:g} m: it would be too"
+                " late when vehicles know of each other; `testbed range` prints how much is enough"
+            )
         self.remedy.check(self.filter, barrier)
         check_fences(self)
         check_guidance(self)

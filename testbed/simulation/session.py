@@ -263,6 +263,7 @@ class Session:
         self._nominal, self._decision, self._recorded = wanted, decision, recorded
         # The filter's own barrier values are the true ones only without disturbances and remedies.
         true = filtered and now.view.state is now.state and made.valued is self._setting.barrier
+        true = true and now.view.known is None
         if self._buffer.full:
             self._recorder.look()
         air = self._still if now.air is None else now.air

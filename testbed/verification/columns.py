@@ -226,7 +226,15 @@ def _filters(run: Recorded, rows: Rows) -> Finding:
     if rows.own is None:
         why = rows.seen if isinstance(rows.seen, str) else "verification does not cover this manoeuvre"
         return Finding("h_filter_m", f"{said.size} values", "unknown", None, None, why)
-    return compared("h_filter_m", said, rows.own.h, rows.own.off + 1e-9)
+    if rows.apart is None:
+        return compared("h_filter_m", said, rows.own.h, rows.own.off + 1e-9)
+    # Of pairs that did not know of each other the filter had no h.
+    odd = int((np.isnan(said) != rows.apart).sum())
+    if odd:
+        words = f"{odd} values are there, or missing, of pairs whose range says otherwise"
+        return Finding("h_filter_m", f"{said.size} values", "by range", False, None, words)
+    off = np.where(rows.apart, np.inf, rows.own.off + 1e-9)
+    return compared("h_filter_m", np.where(rows.apart, rows.own.h, said), rows.own.h, off)
 
 
 def _realised(run: Recorded, pairs: Pairs) -> Finding:

@@ -231,6 +231,7 @@ SCENARIO = {
     "gusts.sigma_mps": _by("wind", otherwise="gusts are not computed again"),
     "gusts.jsbsim_turbulence": _by("airspeed_mps", otherwise="JSBSim's gusts are not recorded"),
     "gusts.": _no("gusts are not computed again"),
+    "sensing.range_m": _sometimes(_by("P7 range-is-enough")),
     "sensing.drift_time_s": _no("errors of sensors are not recorded"),
     "sensing.source": _no("errors of sensors are not recorded"),
     "sensing.": _FILTER,

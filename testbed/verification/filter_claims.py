@@ -144,6 +144,7 @@ def _satisfied(rows: Rows, judge: Judge) -> Finding:
     assert rows.pairs is not None
     left, off = rows.left
     counts = rows.answered[:, run.i] & rows.answered[:, run.j] & fleet.which(run, "judged")
+    counts = counts if rows.apart is None else counts & ~rows.apart
     floor = None if run.complete else -np.inf
     seen = Values.of(run.t, left, off, rows.pairs.who, counts, floor=floor)
     return judge.least(seen, -ROW_ALLOWED, lambda x: x >= -ROW_ALLOWED, empty=Status.PREMISE_NOT_MET)

@@ -10,7 +10,7 @@ import numpy as np
 from testbed.verification import fleet
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.recorded import Array, Recorded
-from testbed.verification.settings import Scenario, arc, filters_own
+from testbed.verification.settings import Scenario, arc, errs, filters_own
 
 AIRFRAMES = Path(__file__).parents[2] / "aircraft" / "airframes"
 # A lagged vehicle is flown on for so many of its longest time constants, in so many steps.
@@ -25,7 +25,7 @@ def filter_view(run: Recorded) -> Pose | str:
     measured, link, remedy = s["sensing"], s["network"], s["remedy"]
     if set(run.parts) & {"filter", "disturbance"}:
         return "the filter or the disturbance was not the scenario's"
-    if any(value for name, value in measured.items() if name.endswith(("_m", "_deg", "_mps", "_degps"))):
+    if errs(measured):
         return "the filter saw measured poses, which are not recorded"
     if remedy["air_mass"]:
         return "the filter saw the vehicles from the moving air"

@@ -12,11 +12,14 @@ from testbed.verification.fences import FenceRows, fence_rows
 from testbed.verification.filter_view import filter_view
 from testbed.verification.future import BLOCK, Flown, Future, Pose, fly_on, future, manoeuvre
 from testbed.verification.pair_claims import SOLVING, Pairs
+from testbed.verification.range_claim import apart
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.settings import Scenario, alpha, box, filters_own, margin, steepness
 
 # Largest difference of predicted poses, integrals computed differently here and by the filter, with levers.
 BLUR_M = 1e-6
+# h of a pair without a row: it asks for nothing.
+FAR_M = 1e3
 
 
 @dataclass(frozen=True)
@@ -32,15 +35,31 @@ class Rows:
 
     @classmethod
     def of(cls, run: Recorded, pairs: Pairs | None) -> Rows:
-        return cls(run, pairs, filter_view(run))
+        who = apart(run)
+        return cls(run, pairs, who if isinstance(who, str) else filter_view(run))
 
     @property
     def s(self) -> Scenario:
         return self.run.scenario
 
     @cached_property
+    def apart(self) -> Array | None:
+        """Pairs (T, P) that had no row, for neither knew of the other; None where all knew all."""
+        found = apart(self.run)
+        return None if isinstance(found, str) else found
+
+    @cached_property
     def own(self) -> Flown | None:
-        """h and L_g h (T, P) of the filter's own barrier at the poses it saw."""
+        """h and L_g h (T, P) of the filter's rows at the poses it saw; rows of pairs apart ask nothing."""
+        flown = self._everybody
+        if flown is None or self.apart is None:
+            return flown
+        lie, lie_off = (np.where(self.apart, 0.0, a) for a in (flown.lie, flown.lie_off))
+        return replace(flown, h=np.where(self.apart, FAR_M, flown.h), lie=lie, lie_off=lie_off)
+
+    @cached_property
+    def _everybody(self) -> Flown | None:
+        """h and L_g h (T, P) of the filter's own barrier at the poses it saw, of all pairs."""
         run, s = self.run, filters_own(self.s)
         if not run.i.size and run.fences and not isinstance(self.seen, str):  # alone: no pair has a row
             none, no_lie = np.zeros((len(run.t), 0)), np.zeros((2, 3, len(run.t), 0))

@@ -171,9 +171,15 @@ def margin(s: Scenario, lie: Array) -> Array:
     return np.asarray(raised)
 
 
+def errs(measured: Scenario) -> bool:
+    """Whether the table [sensing] has an error other than 0; its range is none."""
+    sizes = {name: value for name, value in measured.items() if name != "range_m"}
+    return any(value for name, value in sizes.items() if name.endswith(("_m", "_deg", "_mps", "_degps")))
+
+
 def knows_itself(s: Scenario) -> bool:
     """Whether every vehicle knows its own pose as it is."""
     m, link = s["sensing"], s["network"]
-    exact = not any(value for name, value in m.items() if name.endswith(("_m", "_deg", "_mps", "_degps")))
+    exact = not errs(m)
     central = s["filter"]["kind"] == "centralised"
     return exact and not m["delay_s"] and not (central and (link["latency_s"] or link["loss"]))
