@@ -25,6 +25,7 @@ HOMONYMS = {
         "filters/cbf/theorem_monitor.py",
         "testbed/claims/monitored.py",
         "testbed/measures/run_statistics.py",
+        "testbed/verification/fleet.py",
         "testbed/verification/monitor_claims.py",
         "testbed/verification/rows.py",
     },

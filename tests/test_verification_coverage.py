@@ -112,11 +112,16 @@ def test_the_table_has_every_column_that_the_writer_knows() -> None:
 
 def folders(tmp_path: Path) -> Iterator[Path]:
     """Runs of every built-in scenario, of a monitor, of lags, and one that ended early."""
-    short = ["duration_s=0.1", "record_dt_s=0.005", "manoeuvre_instants=1"]
+    short = ["duration_s=0.1", "filter_dt_s=0.005", "record_dt_s=0.005", "manoeuvre_instants=1"]
     for name in builtin():
         yield Path(run(load(name, short), tmp_path / name, force=True).path or "")
     for k, more in enumerate(
-        (["filter.monitor=true"], ["plant=lagged", "lags.source=table"], ["plant=jsbsim"])
+        (
+            ["filter.monitor=true"],
+            ["plant=lagged", "lags.source=table"],
+            ["plant=jsbsim"],
+            ["sensing.range_m=300"],
+        )
     ):
         yield Path(run(load("paper-2-turn", [*short, *more]), tmp_path / f"{k}").path or "")
 
