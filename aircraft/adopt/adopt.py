@@ -65,9 +65,8 @@ def adopt(name_or_path: str, folder: Path, say: Callable[[str], None]) -> Verdic
     try:
         near = _Trims(model)
         scales = search(model, near, say)
-        airframe = model.with_scales(scales)
         say("files: airframe.toml and the autopilot")
-        write(airframe, _HEAD, _COMMENTS)
+        airframe = write(model.with_scales(scales), _HEAD, _COMMENTS)
         say("steps: flown at slow, middle and fast speeds")
         scored = [flown(airframe, case, near)[0] for case in cases(airframe)]
         say("margins: of every loop, measured in flight")

@@ -40,12 +40,11 @@ def skeleton(folder: Path, name: str, setup: Setup, engines: Engines, rudder: bo
         section, _, key = gain.partition("_")
         gains[section][key] = _ANY
     made = empty.model_copy(update={"gains": gains})
-    write(made)
-    return read_airframe(folder)
+    return write(made)
 
 
-def write(airframe: Airframe, head: str = "", comments: Mapping[str, str] | None = None) -> None:
-    """Write airframe.toml and systems/autopilot.xml of an airframe.
+def write(airframe: Airframe, head: str = "", comments: Mapping[str, str] | None = None) -> Airframe:
+    """Write airframe.toml and systems/autopilot.xml of an airframe; returns it as it is read from there.
 
     head      comment lines at the top;  comments  table -> comment line above it
     """
@@ -67,7 +66,9 @@ def write(airframe: Airframe, head: str = "", comments: Mapping[str, str] | None
     folder = airframe.folder
     (folder / "airframe.toml").write_text("\n".join([*head.splitlines(), *lines, ""]), encoding="utf-8")
     (folder / "systems").mkdir(exist_ok=True)
-    (folder / "systems" / "autopilot.xml").write_text(xml_of(airframe), encoding="utf-8")
+    written = read_airframe(folder)
+    (folder / "systems" / "autopilot.xml").write_text(xml_of(written), encoding="utf-8")
+    return written
 
 
 def _short(value: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 from aircraft.adopt.failures import AdoptionError
@@ -62,10 +63,10 @@ def find(name_or_path: str) -> Source:
         if name_or_path in stock():
             path = wheel() / "aircraft" / name_or_path
         else:
+            near = get_close_matches(name_or_path.lower(), stock(), 3, 0.5)
+            known = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(stock())}"
             raise AdoptionError(
-                STAGE,
-                f"there is no folder {name_or_path}, and no aircraft of JSBSim of that name; there are"
-                f" {', '.join(stock())}",
+                STAGE, f"there is no folder {name_or_path}, and no aircraft of JSBSim of that name; {known}"
             )
     model = path if path.is_file() else _model_in(path)
     folder = model.resolve().parent

@@ -53,6 +53,8 @@ def read_folder(folder: Path) -> tuple[Files | None, list[Finding]]:
     toml = "airframe.toml"
     if not (folder / toml).is_file():
         remedy = "copy an airframe and edit it: testbed aircraft copy x8 FOLDER"
+        if any(folder.glob("*.xml")):
+            remedy = f"make an airframe of this model: testbed aircraft adopt {folder}"
         return None, [Finding("files", "error", toml, None, "does not exist", remedy)]
     try:
         airframe = read_airframe(folder)

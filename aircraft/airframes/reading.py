@@ -30,9 +30,7 @@ def read_airframe(folder: Path) -> Airframe:
         text = read_text(path)
         tables = parse_toml(text)
     except FileNotFoundError:
-        raise FileNotFoundError(
-            f"no airframe {folder}: {path} does not exist; there are {', '.join(names())}, or give a folder"
-        ) from None
+        raise FileNotFoundError(f"no airframe {folder}: {path} does not exist; {_instead(folder)}") from None
     except TextError as error:
         raise AirframeFileError(path, str(error), line=error.line) from None
     for field in ("folder", "gains_file", "variant", "equations_sha256"):
@@ -46,3 +44,10 @@ def read_airframe(folder: Path) -> Airframe:
         line = next((found for found in lines if found is not None), 1)
         key = ".".join(map(str, keys))
         raise AirframeFileError(path, f"{key}: {message}" if key else message, key, line) from None
+
+
+def _instead(folder: Path) -> str:
+    """What to give in place of a folder that is no airframe's."""
+    if any(folder.glob("*.xml")):
+        return f"make an airframe of this model: testbed aircraft adopt {folder}"
+    return f"there are {', '.join(names())}, or give a folder"

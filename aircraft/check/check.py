@@ -32,7 +32,10 @@ def check(folder: Path) -> list[Finding]:
     Raises  NotADirectoryError if there is none.
     """
     if not folder.is_dir():
-        raise NotADirectoryError(f"{folder} is not a folder; give the folder that holds airframe.toml")
+        raise NotADirectoryError(
+            f"{folder} is not a folder; give the folder that holds airframe.toml, or make one of a JSBSim"
+            f" aircraft: testbed aircraft adopt {folder}"
+        )
     findings = list(dangers(folder))
     if any(f.rule in ("refused", "xml", "files", "airframe.toml") for f in findings):
         return findings
@@ -70,13 +73,24 @@ def fly(files: Files) -> list[Finding]:
     if stage != "done":
         remedy = "correct what is named above" if findings else "take parts off the model until it goes on"
         top = files.trees[files.model].line
-        findings.append(Finding("flight", "error", files.model, top, f"JSBSim {ended} while {stage}", remedy))
+        message = f"{'' if _raised(ended) else 'JSBSim '}{ended} while {stage}"
+        findings.append(Finding("flight", "error", files.model, top, message, remedy))
     return findings
+
+
+_RAISED = "the check itself failed: "
+
+
+def _raised(ended: str) -> bool:
+    """Whether a process ended by an exception of Python, not by JSBSim."""
+    return ended.startswith(_RAISED)
 
 
 def _ending(code: int, errors: str) -> str:
     """How a process ended, with the last line that it wrote to standard error."""
     last = next((line.strip() for line in reversed(errors.splitlines()) if line.strip()), "")
+    if code == 1 and "Traceback (most recent call last)" in errors:
+        return f"{_RAISED}{last}"
     how = f"exit code {code}"
     if code < 0:
         known = {s.value: s.name for s in signal.Signals}

@@ -39,6 +39,8 @@ def _words(files: Files) -> list[Finding]:
             near = get_close_matches(e.name, sorted(ENGINE if engine else MODEL), 1, 0.75)
             if near or not engine:  # an engine file may hold words of an engine that is not known here
                 remedy = f"write <{near[0]}>" if near else "remove it"
+                if engine:  # it may be right for an engine that is not known here
+                    remedy = f"write <{near[0]}> if that is what is meant; JSBSim does not read this one"
                 message = f"<{e.name}> is no element of JSBSim"
                 findings.append(Finding("misspelt", "error", file, e.line, message, remedy))
     return findings

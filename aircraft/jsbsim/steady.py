@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,20 +90,26 @@ def attempt(fdm: Instance, start: Start, omega: float = 0.0, near: Trim | None =
 
 
 def lacking(fdm: Instance, start: Start, near: Trim | None = None) -> str:
-    """What `attempt` leaves unbalanced where it comes nearest, in words; quick, and rough."""
+    """What full throttle leaves unbalanced where all else is balanced as far as it can be; quick, rough."""
     speed, climb, heading, problem = _stated(fdm, start)
     p = np.array([speed, climb, 0.0])
     best: list[tuple[float, Array]] = []
 
-    def watched(at: Array, x: Array) -> Array:
-        left = problem.residuals(at, x)
+    def others(at: Array, x: Array) -> Array:
+        """Everything but the force along the path, at the throttle that p gives."""
+        whole = np.insert(x, THROTTLE, at[3])
+        problem.residuals(at[:3], whole)
+        left = shortfall.in_path_axes(fdm, at, whole, heading)[1:]
         size = float(np.abs(left).max())
         if math.isfinite(size) and (not best or size < best[0][0]):
-            best[:] = [(size, x.copy())]
+            best[:] = [(size, whole)]
         return left
 
     guess = first_guess(problem, p) if near is None else _unknowns(near, len(problem.lowest))
-    correct(replace(problem, residuals=watched), p, guess)
+    limits = [np.delete(part, THROTTLE) for part in (problem.lowest, problem.highest)]
+    longest = None if problem.longest is None else np.delete(problem.longest, THROTTLE)
+    held = Problem(others, limits[0], limits[1], problem.difference, longest, problem.slow)
+    correct(held, np.array([*p, problem.highest[THROTTLE]]), np.delete(guess, THROTTLE))
     return shortfall.lacking(fdm, problem, p, best[0][1], heading) if best else "its forces are not finite"
 
 
