@@ -32,7 +32,7 @@ from aircraft.jsbsim.steady import Trim
 
 EXAMINED_S, FLOWN_S = 25.0, 90.0  # processor time until derivatives are known, and for search and flights
 _LATE = "not done in the time that a sound model takes: it does not settle, or has too many parts"
-_EVERY = 4  # periods between instants of a flight that lags are fitted to
+_EVERY = 8  # periods between instants of a flight that lags are fitted to
 _HEAD = """# Written by `testbed aircraft adopt`; README.md says what was found and assumed.
 # Gains become properties ap/SECTION-NAME. After an edit: testbed aircraft autopilot FOLDER."""
 _COMMENTS = {
