@@ -63,6 +63,7 @@ TABLES = {
     "of it, in wind only": run.WIND_COLUMNS,
     "run.pairs": run.PAIR_COLUMNS,
     "of it, with a filter that declares a barrier only": run.DECLARED_COLUMNS,
+    "run.fences, with fences only": run.FENCE_COLUMNS,
 }
 
 

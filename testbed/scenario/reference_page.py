@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from testbed.scenario.contents import KINDS
+from testbed.scenario.contents import KINDS, LISTED_KINDS
+from testbed.scenario.kinds import Kinds
 from testbed.scenario.scenario import Scenario, builtin
 
 TITLE = "# Scenario files"
@@ -74,6 +75,10 @@ def markdown() -> str:
     own = {name: field for name, field in schema["properties"].items() if not tables[name]}
     parts.append(_table(own, schema.get("required", []), known))
     shown: list[str] = []
+    for name, kinds in LISTED_KINDS.items():
+        models = [known[model.__name__] for model in kinds.models.values()]
+        said = [f"A list of tables: {own[name]['description']}."]
+        parts += [f"## `[[{name}]]`", *said, *_kinds(f"[[{name}]]", kinds, models, known)]
     for name, field in own.items():
         if (inner := _reference(field.get("items", {}))) in known:
             shown.append(inner)
@@ -83,7 +88,7 @@ def markdown() -> str:
         if not models:
             continue
         parts.append(f"## `[{name}]`")
-        parts += _kinds(name, models, known) if name in KINDS else _one(models[0], known)
+        parts += _kinds(f"[{name}]", KINDS[name], models, known) if name in KINDS else _one(models[0], known)
         for model in models:
             for inner in _items(model["properties"]):
                 if inner not in shown:
@@ -115,20 +120,20 @@ def _inner(name: str, model: dict[str, Any], known: dict[str, Any]) -> Iterator[
             yield from _one(known[found], known)
 
 
-def _kinds(name: str, models: list[dict[str, Any]], known: dict[str, Any]) -> list[str]:
-    """What says the kind, what every kind takes, and what each takes besides."""
-    kinds = KINDS[name]
+def _kinds(name: str, kinds: Kinds, models: list[dict[str, Any]], known: dict[str, Any]) -> list[str]:
+    """What says the kind of the table `name`, what every kind takes, and what each takes besides."""
     every = [f for f in models[0]["properties"] if all(f in m["properties"] for m in models)]
     common = {f: models[0]["properties"][f] for f in every if f != kinds.key}
     values = list(dict.fromkeys(tag.partition(", ")[0] for tag in kinds.models))
     said = {kinds.key: {"enum": values, "default": kinds.default, "description": "the kind"}}
-    parts = ["Every kind takes:", _table(said | common, [], known)]
+    needed = [] if kinds.default else [kinds.key]
+    parts = ["Every kind takes:", _table(said | common, needed, known)]
     for tag, model in zip(kinds.models, models, strict=True):
         kind, _, second = tag.partition(", ")
         fields = {f: v for f, v in model["properties"].items() if f not in every}
         more = _table(fields, model.get("required", []), known) if fields else ""
         title = f'{kinds.key} = "{kind}"' + (f", {second}" if second else "")
-        parts += [f"### `[{name}]` with `{title}`", _sentence(model), *([more] if more else [])]
+        parts += [f"### `{name}` with `{title}`", _sentence(model), *([more] if more else [])]
     return parts
 
 
