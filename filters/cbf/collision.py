@@ -17,7 +17,7 @@ from filters.barriers.pairs import Barrier, PairValues, all_pairs
 from filters.barriers.per_pair import PerPair
 from filters.cbf.constraints import manoeuvres, observed_rows, observed_shares, own_rows, pair_rows, shares
 from filters.cbf.intruders import Intruders, released
-from filters.cbf.problem import Problem, input_set
+from filters.cbf.problem import Cost, Problem, input_set
 from filters.constraints import Alpha, Constraints, Maker, Margin
 from filters.filter import Decision, Declaration
 from filters.model import Array, Command, Limits, State, View
@@ -49,6 +49,7 @@ class CollisionFilter:
     mode     "centralised": one QP over all vehicles; "limited": one per vehicle, on its own view
     margin   what each vehicle's part of a row is raised by (see `row_margins`); None is the paper's filter
     solver   "auto" or "osqp" (see `qp.Solver`)
+    cost     "raw": the paper's; "range": each input counts as a share of its range (see `Problem`)
     also     makers of constraints beside those of the pairs; centralised they see what each vehicle knows of
              itself, limited what one vehicle sees
     intruders  vehicles that are not under the filter and what is assumed of them; None: there are none
@@ -69,6 +70,7 @@ class CollisionFilter:
         solver: single.Solver = "auto",
         also: Sequence[Maker] = (),
         intruders: Intruders | None = None,
+        cost: Cost = "raw",
     ) -> None:
         if isinstance(barrier, Sequence):
             if not barrier:
@@ -82,7 +84,10 @@ class CollisionFilter:
             )
         if mode not in ("centralised", "limited"):
             raise ValueError(f"mode is 'centralised' or 'limited', not {mode!r}")
+        if cost not in ("raw", "range"):
+            raise ValueError(f"cost is 'raw' or 'range', not {cost!r}")
         single.check_solver(solver)
+        self.cost: Cost = cost
         self.barrier: Barrier = barrier
         self.alpha, self.mode, self.margin, self.solver = alpha, mode, margin, solver
         self.also, self.intruders = tuple(also), intruders
@@ -110,7 +115,7 @@ class CollisionFilter:
     def problem(self, view: View, nominal: Command, limits: Limits) -> Problem:
         """The step's targets and limits, and gamma for vehicles whose QP has no solution."""
         target, lower, upper = input_set(view, nominal, limits)
-        return Problem(target, lower, upper, self.gamma(len(target)), self.solver)
+        return Problem(target, lower, upper, self.gamma(len(target)), self.solver, self.cost)
 
     def shares(
         self, blocks: Sequence[Constraints], n: int, margin: Margin | None = None

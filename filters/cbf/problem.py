@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ from filters.qp.single import Status
 OVERRIDE = 1e-6
 
 
+Cost = Literal["raw", "range"]
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """The targets and limits of one step, and what to fly where a QP has no solution.
@@ -30,6 +34,8 @@ class Problem:
     gamma                 (N, 3) flown, inside the limits, by a vehicle whose QP has no solution; None is the
                           input with the largest common row margin
     solver                see `qp.Solver`
+    cost                  "raw": the sum of |u - u_hat|^2 in m/s and rad/s, the paper's; "range": each channel
+                          divided by half its range first, so that all channels cost alike
     """
 
     target: Array
@@ -37,6 +43,20 @@ class Problem:
     upper: Array
     gamma: Array | None = None
     solver: single.Solver = "auto"
+    cost: Cost = "raw"
+
+    @cached_property
+    def scale(self) -> Array | None:
+        """What each input is divided by in the cost, (N, 3); None for the raw cost."""
+        if self.cost == "raw":
+            return None
+        half = 0.5 * (self.upper - self.lower)
+        return np.where(half > 0.0, half, 1.0)
+
+    def cost_of(self, u: Array) -> float:
+        """The cost of inputs u (N, 3)."""
+        change = u - self.target
+        return float(np.sum((change if self.scale is None else change / self.scale) ** 2))
 
     @cached_property
     def clipped(self) -> Array:
@@ -91,14 +111,17 @@ class Problem:
             for vehicle, lie in zip(block.vehicles, block.lie, strict=True):
                 matrix[index, place[vehicle[rows]]] = lie[rows]
             start += rows.size
-        return single.solve(
-            self.target[vehicles].ravel(),
-            matrix.reshape(start, -1),
-            np.concatenate([block.rhs[rows] for block, rows in zip(blocks, use, strict=True)]),
-            self.lower[vehicles].ravel(),
-            self.upper[vehicles].ravel(),
-            self.solver,
-        )
+        rhs = np.concatenate([block.rhs[rows] for block, rows in zip(blocks, use, strict=True)])
+        target, lower, upper = self.target[vehicles], self.lower[vehicles], self.upper[vehicles]
+        if self.scale is None:
+            rows_of_all = matrix.reshape(start, -1)
+            return single.solve(target.ravel(), rows_of_all, rhs, lower.ravel(), upper.ravel(), self.solver)
+        # The same QP in inputs divided by their scale, where its cost is the plain distance.
+        w = self.scale[vehicles]
+        near, low, high = ((x / w).ravel() for x in (target, lower, upper))
+        found = single.solve(near, (matrix * w).reshape(start, -1), rhs, low, high, self.solver)
+        u = np.minimum(np.maximum(found.u.reshape(w.shape) * w, lower), upper)
+        return replace(found, u=u.ravel())
 
     def limited(self, rows: Constraints) -> tuple[Array, NDArray[np.int_], Array]:
         """Inputs (N, 3), status (N,) and residual (N,) of one QP per vehicle over its own rows.
@@ -113,12 +136,22 @@ class Problem:
         solving = np.zeros(len(u), dtype=bool)
         solving[vehicle[kept & broken]] = True
         use = np.flatnonzero(kept & solving[vehicle])
-        box = self.lower, self.upper
-        u, status = solve_each(
-            self.target, vehicle[use], lie[use], rows.rhs[use], *box, self.solver, self.evading
-        )
+        u, status = self._each(vehicle[use], lie[use], rows.rhs[use])
         self._evade(u, np.flatnonzero(status != int(Status.SOLVED)))
         return u, status, _worst_of(len(u), [rows], [rows.rhs - rows.left(u)])
+
+    def _each(self, vehicle: Indices, lie: Array, rhs: Array) -> tuple[Array, NDArray[np.int_]]:
+        """Inputs (N, 3) and status (N,) of one QP per vehicle over rows lie (R, 3) u >= rhs (R,)."""
+        box = self.lower, self.upper
+        if self.scale is None:
+            return solve_each(self.target, vehicle, lie, rhs, *box, self.solver, self.evading)
+        w = self.scale
+        target, lower, upper = (x / w for x in (self.target, *box))
+        evading = None if self.evading is None else self.evading / w
+        u, status = solve_each(target, vehicle, lie * w[vehicle], rhs, lower, upper, self.solver, evading)
+        asked = np.bincount(vehicle, minlength=len(w))[:, None] > 0
+        # Without rows the clipped target is the answer, to the last bit.
+        return np.where(asked, np.minimum(np.maximum(u * w, self.lower), self.upper), self.clipped), status
 
     def _evade(self, u: Array, vehicles: Indices) -> None:
         """Have `vehicles` of u (N, 3) fly gamma, if there is one: their QP has no solution."""

@@ -117,7 +117,7 @@ class Monitor:
             found = cosines(lie[active & (vehicle == who)])
             see["aligned_limited"].see(step, found, np.full(found.size, who))
         if u is not None and solved.all():
-            cost, cost_limited = (float(np.sum((w - problem.target) ** 2)) for w in (u, v))
+            cost, cost_limited = problem.cost_of(u), problem.cost_of(v)
             self.record.compared += 1
             self.record.cost += cost
             self.record.cost_limited += cost_limited

@@ -78,6 +78,7 @@ def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
         solver=said.solver,
         also=() if fenced is None else (FenceConstraints(fenced, alpha(s)),),
         intruders=intruders(s),
+        cost=said.cost,
     )
     return Monitor(made) if said.monitor else made
 

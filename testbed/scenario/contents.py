@@ -44,7 +44,7 @@ LISTED_KINDS: dict[str, Kinds] = {"fence": FENCES}
 # Tables that plain data leave out while they are at their defaults: scenarios without them keep the names
 # that their runs had before there were such tables.
 # Fields of tables, likewise.
-FIELDS_ABSENT_BY_DEFAULT = (("sensing", "range_m"),)
+FIELDS_ABSENT_BY_DEFAULT = {("sensing", "range_m"): None, ("filter", "cost"): "raw"}
 ABSENT_BY_DEFAULT = ("fence", "vehicle", "intruders")
 
 
@@ -122,9 +122,10 @@ class Contents(Section):
         for name in ABSENT_BY_DEFAULT:
             if name in made and getattr(self, name) == type(self).model_fields[name].default:
                 del made[name]
-        for name, leaf in FIELDS_ABSENT_BY_DEFAULT:
-            if getattr(getattr(self, name), leaf, None) is None:
-                made[name].pop(leaf, None)
+        for (name, leaf), default in FIELDS_ABSENT_BY_DEFAULT.items():
+            known = type(getattr(self, name)).model_fields.get(leaf)
+            if known is not None and known.default == default == made[name][leaf]:
+                del made[name][leaf]
         return made
 
     @property

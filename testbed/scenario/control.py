@@ -16,6 +16,11 @@ class _QP(Section):
         default="auto", description="of the QPs: auto is the fastest one measured; every answer is checked"
     )
     monitor: bool = Field(default=False, description="check Theorems 3 and 4 at every step, and compare QPs")
+    cost: Literal["raw", "range"] = Field(
+        default="raw",
+        description="raw: |u - u_hat|^2 in m/s and rad/s, the paper's; range: each channel as a share of its"
+        " range, so that turning is not nearly free",
+    )
 
 
 class Centralised(_QP):

@@ -82,15 +82,20 @@ def _off(rows: Rows, k: int, vehicles: Array) -> float:
         matrix, due, off = _joint_rows(rows, k)
     else:
         matrix, due, off = asked_of_one(rows, k, int(vehicles[0]))
+    # What each input is divided by in the cost: then the change is a sum of normals in the same inputs.
+    scale = np.ones(u.size)
+    if rows.s["filter"].get("cost", "raw") == "range":
+        scale = np.where(high > low, 0.5 * (high - low), 1.0)
     size = np.linalg.norm(matrix, axis=1)
     normals = matrix[np.abs(matrix @ u - due) <= TOUCHED * np.maximum(size, 1.0) + off]
     unit = np.eye(u.size)
     normals = np.concatenate([normals, unit[u - low <= TOUCHED], -unit[high - u <= TOUCHED]])
-    length = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     if not normals.size:
         return float(np.abs(change).max())
-    _, rest = nnls((normals / length).T, change)
-    return float(rest)
+    normals = normals * scale
+    length = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    _, rest = nnls((normals / length).T, change / scale)
+    return float(rest) * float(scale.max())
 
 
 def _joint_rows(rows: Rows, k: int) -> tuple[Array, Array, Array]:
