@@ -14,17 +14,18 @@ from filters.model import Array, Command, Limits, State, View
 from filters.qp.single import Status
 from testbed.components.border.contract import (
     LARGEST,
-    RATES,
     Breach,
     Contract,
     copy_of,
     copy_of_limits,
     copy_of_view,
+    locked,
 )
 from testbed.components.border.plant import parameters
 
 # alpha(0) that counts as zero: round-off.
 ZERO = 1e-9
+NO_PAIRS = locked(np.zeros(0))
 KNOWN = frozenset(int(status) for status in Status)
 
 
@@ -66,23 +67,31 @@ class OwnFilter:
         d = contract.call("the call", self._choose, seen, wanted, self._limits)
         if not isinstance(d, Decision):
             raise contract.breach(f"it returned a {type(d).__name__}, not a Decision")
-        command, self.refused = contract.fields("command", d.command, Command, RATES, n), None
-        try:
-            contract.check_finite("command", command, RATES)
-        except Breach as breach:
-            self.refused = breach
-            command = np.where(np.abs(command) <= LARGEST, command, np.nan)
+        command, total = contract.fields("command", d.command, Command, n)
+        self.refused = None
+        if not total <= LARGEST:
+            command = self._flyable(command)
         status = contract.integers("status", d.status, n)
         if not KNOWN.issuperset(status.tolist()):
             raise contract.breach(f"status {status.tolist()} has a value that filters.qp.Status has not")
         return Decision(
-            Command.of(command),
+            command,
             status,
             contract.array("residual", d.residual, n),
             contract.booleans("override", d.override, n),
             contract.array("deviation", d.deviation, n),
             *self._pairs(d, view),
         )
+
+    def _flyable(self, command: Command) -> Command:
+        """The command, NaN where it is not finite or too large; `refused` says so."""
+        try:
+            self._contract.check_finite("command", command)
+        except Breach as breach:
+            self.refused = breach
+            said = command.array()
+            command = Command.of(np.where(np.abs(said) <= LARGEST, said, np.nan))
+        return command
 
     @property
     def declared(self) -> list[str]:
@@ -143,8 +152,11 @@ class OwnFilter:
     def _pairs(self, d: Decision, view: View) -> tuple[PairValues | None, Array]:
         contract, count = self._contract, len(self._i)
         if d.pairs is None:
-            return None, np.zeros(0)
-        apart = None if view.known is None else ~view.joined(self._i, self._j)
+            return None, NO_PAIRS
+        if view.known is None:
+            pairs = self._checked("pairs", d.pairs)
+            return pairs, contract.array("hdot_predicted", d.hdot_predicted, (count,))
+        apart = ~view.joined(self._i, self._j)
         pairs = self._checked("pairs", d.pairs, apart)
         predicted = contract.array("hdot_predicted", _where(apart, 0.0, d.hdot_predicted), (count,))
         return pairs, _where(apart, np.nan, predicted)
@@ -157,20 +169,22 @@ class OwnFilter:
         contract, count = self._contract, len(self._i)
         if not isinstance(found, PairValues):
             raise contract.breach(f"{what} is a {type(found).__name__}, not PairValues")
-        for name, own in (("i", self._i), ("j", self._j)):
-            if getattr(found, name) is own:
-                continue
+        known = found.i is self._i and found.j is self._j
+        for name, own in () if known else (("i", self._i), ("j", self._j)):
             if not np.array_equal(contract.integers(f"{what}.{name}", getattr(found, name), (count,)), own):
                 raise contract.breach(f"{what}.{name} are not those of all pairs i < j, in row order")
+        if apart is None:
+            h = contract.array(f"{what}.h", found.h, (count,))
+            return PairValues(self._i, self._j, h, contract.array(f"{what}.grad", found.grad, (count, 8)))
         h, grad = (_where(apart, 0.0, values) for values in (found.h, found.grad))
         h = contract.array(f"{what}.h", h, (count,))
         grad = contract.array(f"{what}.grad", grad, (count, 8))
         return PairValues(self._i, self._j, _where(apart, np.nan, h), _where(apart, np.nan, grad))
 
 
-def _where(which: NDArray[np.bool_] | None, value: float, values: Any) -> Any:
+def _where(which: NDArray[np.bool_], value: float, values: Any) -> Any:
     """A copy of `values` (P,) or (P, ...) with `value` where `which` (P,); of another shape, as they are."""
-    if which is None or type(values) is not np.ndarray or values.shape[:1] != which.shape:
+    if type(values) is not np.ndarray or values.shape[:1] != which.shape:
         return values
     if values.dtype.kind != "f":
         return values
@@ -206,11 +220,18 @@ class OwnEnvironment:
         self._wind = contract.method(environment, "wind")
         self._observe = contract.method(environment, "observe")
         self._still: bool | None = None
+        self._seen: tuple[State, State] | None = None
+
+    def _copied(self, state: State) -> State:
+        """A read-only copy; of the state that wind and observe are both asked about one for the two."""
+        if self._seen is None or self._seen[0] is not state:
+            self._seen = state, copy_of(state)
+        return self._seen[1]
 
     def wind(self, t: float, state: State) -> Array | None:
         """As `Atmosphere.wind`."""
         contract = self._contract
-        found = contract.call("wind()", self._wind, t, copy_of(state))
+        found = contract.call("wind()", self._wind, t, self._copied(state))
         still = found is None
         if self._still is None:
             self._still = still
@@ -223,7 +244,7 @@ class OwnEnvironment:
     def observe(self, t: float, truth: State, rates: Command) -> View:
         """As `Observation.observe`."""
         contract, n = self._contract, self._contract.vehicles
-        found = contract.call("observe()", self._observe, t, copy_of(truth), copy_of(rates))
+        found = contract.call("observe()", self._observe, t, self._copied(truth), copy_of(rates))
         if not isinstance(found, View):
             raise contract.breach(f"observe() is a {type(found).__name__}, not a View")
         shape = (n,) if getattr(getattr(found.state, "x", None), "ndim", 1) == 1 else (n, n)
