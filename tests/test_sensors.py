@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import testbed
 from aircraft.airframe import load
 from aircraft.airframes.sensors import PRESETS, Sensors, label, sensors_of
 from aircraft.autopilots.tuning import Score, fly, score
@@ -18,6 +23,9 @@ from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.jsbsim.geodesy import Origin
 from aircraft.jsbsim.rest import Start
 from filters.model import Command, State
+from testbed.studies.ladder import ladder as ladders
+from testbed.verification import recorded
+from testbed.verification.wording import wording
 
 TURN = math.radians(11.7)
 
@@ -155,3 +163,24 @@ def test_limits_are_reported(name: str, command: tuple[float, float, float], lim
     assert f.telemetry[limit][-1] == 1.0
     most = math.radians(35.0 if "arduplane" in name else 50.0)
     assert np.abs(f.telemetry["roll_rad"]).max() < 1.1 * most
+
+
+def test_a_scenario_says_what_the_autopilots_sense_and_the_run_is_verified(
+    tmp_path: Path, call: Callable[..., int]
+) -> None:
+    out = tmp_path / "run"
+    flags = ["--set", "sensors=typical", "--set", 'airframes=["x8@px4", "x8"]', "--set", "duration_s=1"]
+    call("run", "paper-2-turn", "--plant", "jsbsim", *flags, "--out", str(out))
+    named = json.loads((out / "manifest.json").read_text())["airframes"]
+    assert named.keys() == {"x8@px4@typical", "x8@typical"}
+    assert call("verify", str(out)) == 0
+    run = recorded.read(out)
+    renamed = {"x8@px4": named["x8@px4@typical"], "x8": named["x8@typical"]}
+    forged = replace(run, manifest=run.manifest | {"airframes": renamed})
+    assert {f.what for f in wording(forged) if not f.agrees} == {"manifest"}
+
+
+def test_a_scenario_without_sensors_says_nothing_of_them() -> None:
+    s = testbed.load_scenario("paper-2-turn")
+    assert "sensors" not in s.model_dump(mode="json")
+    assert ladders.autopilot_rungs(s)[2].fields == (("airframes", ["x8@arduplane"]),)

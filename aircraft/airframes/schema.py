@@ -76,6 +76,12 @@ class Channel(Strict):
     rate_min: Annotated[float, Field(ge=-1e6, lt=0)] | None = Field(
         None, description="most negative rate of change; -rate_max if absent"
     )
+    validation_rms: Finite | None = Field(
+        None, description="rms error on steps that were not fitted, as a share of the step"
+    )
+    second_order_rms: Finite | None = Field(
+        None, description="the same of a second-order lag, for comparison"
+    )
 
 
 class Fitted(Strict):

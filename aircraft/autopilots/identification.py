@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aircraft.airframes.schema import Airframe, Speeds
-from aircraft.autopilots.specification import CLIMB, climb_rate, duration, turn_rate
+from aircraft.airframes.schema import INVERTING, Airframe, Speeds
+from aircraft.autopilots.specification import CLIMB, climb_max, climb_rate, duration, turn_rate
 from aircraft.autopilots.tuning import fly
 from aircraft.jsbsim.steady import Trim
 
@@ -21,7 +21,8 @@ Array = NDArray[np.floating[Any]]
 
 DT_S = 0.005
 _DURATION_S = 6.0
-_TURN = 0.2  # rad/s
+_PEOPLES_S = {"v": 24.0, "omega": 6.0, "zeta": 12.0}  # of autopilots that people fly, which are slower
+TURN_RADPS = 0.2
 
 Step = tuple[float, float, tuple[float, float, float]]  # start speed, value before, command
 CHANNELS = ("v", "omega", "zeta")
@@ -35,7 +36,7 @@ def steps(speeds: Speeds) -> dict[str, list[Step]]:
             (v, v, (to, 0, 0)) for v, to in ((slow, middle), (middle, brisk), (middle, slow), (brisk, middle))
         ],
         "omega": [
-            (v, 0, (v, sign * share * min(_TURN, turn_rate(speeds, v)), 0))
+            (v, 0, (v, sign * share * min(TURN_RADPS, turn_rate(speeds, v)), 0))
             for v in (slow, middle, fast)
             for sign in (1, -1)
             for share in (1.0, 0.5)
@@ -70,6 +71,34 @@ def model(
     return out
 
 
+def steps_for(airframe: Airframe, channel: str) -> list[Step]:
+    """The steps that are fitted for an airframe: no climb is faster than its autopilot allows."""
+    most = climb_max(airframe)
+    return [(v, b, (c[0], c[1], min(c[2], most))) for v, b, c in steps(airframe.speeds)[channel]]
+
+
+def flown_steps(
+    airframe: Airframe,
+    channel: str,
+    flights: list[Step],
+    near: Callable[[float], Trim | None] | None = None,
+) -> Array:
+    """The channel's response to each step, (S, T) every DT_S. Raises FdmError as `identify` does."""
+    # Predictions begin from the rates that `Plant.achieved` gives: the lags are those of the same signal.
+    signal = {"omega": "omega_measured"}.get(channel, channel)
+    lasts = _lasts(airframe, channel)
+    responses = [
+        getattr(fly(airframe, v, c, lasts, DT_S, near=None if near is None else near(v)), signal)
+        for v, _, c in flights
+    ]
+    return np.array(responses)
+
+
+def _lasts(airframe: Airframe, channel: str) -> float:
+    seconds = _DURATION_S if airframe.autopilot == INVERTING else _PEOPLES_S[channel]
+    return duration(airframe.speeds, seconds)
+
+
 def identify(
     airframe: Airframe, channel: str, every: int = 1, near: Callable[[float], Trim | None] | None = None
 ) -> tuple[float, float, float, float]:
@@ -82,17 +111,11 @@ def identify(
     """
     from scipy.optimize import minimize
 
-    index, flights = CHANNELS.index(channel), steps(airframe.speeds)[channel]
+    index, flights = CHANNELS.index(channel), steps_for(airframe, channel)
     before = np.array([b for _, b, _ in flights], dtype=float)
     after = np.array([c[index] for _, _, c in flights], dtype=float)
-    # Predictions begin from the rates that `Plant.achieved` gives: the lags are those of the same signal.
-    signal = {"omega": "omega_measured"}.get(channel, channel)
-    lasts = duration(airframe.speeds, _DURATION_S)
-    responses = [
-        getattr(fly(airframe, v, c, lasts, DT_S, near=None if near is None else near(v)), signal)
-        for v, _, c in flights
-    ]
-    flown = np.array(responses)
+    flown = flown_steps(airframe, channel, flights, near)
+    lasts = _lasts(airframe, channel)
     fastest = float(np.abs(np.diff(flown, axis=1)).max()) / DT_S
     every *= max(1, round(lasts / _DURATION_S))
     flown, dt = flown[:, every - 1 :: every], every * DT_S
@@ -104,7 +127,9 @@ def identify(
             np.mean(((model(before, after, t, delay, falls, rises, flown.shape[1], dt) - flown) / size) ** 2)
         )
 
-    guess = np.log([0.3, 0.1, fastest, fastest])
-    fitted = minimize(misfit, guess, method="Nelder-Mead", options={"maxfev": 400})
-    time_constant, delay, falls, rises = np.exp(fitted.x).tolist()
+    guesses = [[0.3, 0.1, fastest, fastest]]
+    if airframe.autopilot != INVERTING:
+        guesses.append([3.0, 0.3, fastest, fastest])
+    fits = [minimize(misfit, np.log(g), method="Nelder-Mead", options={"maxfev": 400}) for g in guesses]
+    time_constant, delay, falls, rises = np.exp(min(fits, key=lambda f: float(f.fun)).x).tolist()
     return time_constant, delay, falls, rises

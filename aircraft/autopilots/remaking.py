@@ -13,10 +13,11 @@ from pathlib import Path
 
 from aircraft.airframes.editing import replace_tables, set_values
 from aircraft.airframes.provenance import fitted_fingerprint, identified_fingerprint
-from aircraft.airframes.schema import OTHERS, Airframe
+from aircraft.airframes.schema import INVERTING, OTHERS, Airframe
 from aircraft.autopilots.feedforward import feedforward
 from aircraft.autopilots.freshness import flown
 from aircraft.autopilots.identification import CHANNELS, identify
+from aircraft.autopilots.validation import validate
 from aircraft.equations.catalogue import xml_of
 from aircraft.jsbsim.steady import Trim
 
@@ -78,6 +79,10 @@ def remade_lags(
         time_constant, delay, falls, rises = identify(airframe, channel, every, near)
         found += f"\n[identified.{channel}]\ntime_constant_s = {time_constant:.3f}\ndelay_s = {delay:.3f}\n"
         found += f"rate_min = {-falls:.3g}\nrate_max = {rises:.3g}\n"
+        if airframe.fit != INVERTING:
+            errors = validate(airframe, channel, (time_constant, delay, falls, rises))
+            found += f"validation_rms = {errors.first_order_rms:.3f}\n"
+            found += f"second_order_rms = {errors.second_order_rms:.3f}\n"
     path = airframe.gains_file or airframe.folder / "airframe.toml"
     if airframe.variant and airframe.gains_file is None:
         path = airframe.folder / OTHERS / f"{airframe.fit}.toml"

@@ -163,12 +163,17 @@ _CLIMB_MAX = (
 )  # what an autopilot's parameters allow; faster climbs are not asked
 
 
+def climb_max(airframe: Airframe) -> float:
+    """The fastest climb [m/s] that the parameters of the airframe's autopilot allow."""
+    return min((airframe.parameters[n] for n in _CLIMB_MAX if n in airframe.parameters), default=math.inf)
+
+
 def steps_of(airframe: Airframe) -> tuple[Step, ...]:
     """The steps at the airframe's speeds, with the bounds of its autopilot's class."""
     if airframe.autopilot == INVERTING:
         return steps(airframe.speeds)
     bounds = _CLASSES.get(airframe.autopilot, _OWN)
-    most = min((airframe.parameters[n] for n in _CLIMB_MAX if n in airframe.parameters), default=math.inf)
+    most = climb_max(airframe)
     found = []
     for step in steps(airframe.speeds):
         v, omega, zeta = step.command

@@ -65,6 +65,13 @@ def compare(
     seeds: Annotated[
         int | None, typer.Option("--seeds", help="with --ladder: runs of each rung, from seed 1; default 20")
     ] = None,
+    autopilots: Annotated[
+        bool,
+        typer.Option(
+            "--autopilots",
+            help="with --ladder: rungs of sensing and autopilots: typical, arduplane, px4, poor",
+        ),
+    ] = False,
     workers: WorkersOption = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="write report.html too")] = True,
 ) -> None:
@@ -89,9 +96,12 @@ def compare(
         from testbed.studies.ladder.study import ladder as climb
 
         s = load_base(scenario, set_)
-        where = out or Path("runs") / f"{s.name}-ladder"
-        show_study(climb(s, count(20 if seeds is None else seeds), where, workers, overwrite), as_json)
+        where = out or Path("runs") / f"{s.name}-{'autopilots' if autopilots else 'ladder'}"
+        number = count(20 if seeds is None else seeds)
+        show_study(climb(s, number, where, workers, overwrite, autopilots=autopilots), as_json)
         return
+    if autopilots:
+        raise UserError("--autopilots: rungs of a --ladder; give both")
     if seeds is not None:
         raise UserError("--seeds: only --ladder flies several; --seed N is one run's")
     from testbed.report.tables import scorecard

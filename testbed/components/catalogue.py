@@ -223,7 +223,7 @@ def _airframe(s: Scenario, name: str) -> Any:
     from aircraft.airframe import load
 
     try:
-        return load(path_of(name, s.airframes_folder))
+        return load(path_of(name, s.airframes_folder) + (f"@{s.sensors}" if s.sensors else ""))
     except (FileNotFoundError, ValueError) as error:
         hint = "; a relative folder starts beside the scenario file, or where the command is given"
         missing = isinstance(error, FileNotFoundError) and any(relative([name]))

@@ -45,7 +45,7 @@ LISTED_KINDS: dict[str, Kinds] = {"fence": FENCES}
 # that their runs had before there were such tables.
 # Fields of tables, likewise.
 FIELDS_ABSENT_BY_DEFAULT = {("sensing", "range_m"): None, ("filter", "cost"): "raw"}
-ABSENT_BY_DEFAULT = ("fence", "vehicle", "intruders")
+ABSENT_BY_DEFAULT = ("fence", "vehicle", "intruders", "sensors")
 
 
 class Contents(Section):
@@ -75,6 +75,10 @@ class Contents(Section):
     )
     airframes_folder: Annotated[str, Field(max_length=4000)] = Field(
         default="", description="where relative airframes start; absent: the file's own folder"
+    )
+    sensors: Literal["", "perfect", "typical", "poor"] = Field(
+        default="",
+        description="what the autopilots sense; absent: what each airframe says, as a rule perfect",
     )
     d_safe_m: Positive = Field(default=5.0, description="Ds, the separation to keep")
     goal_radius_m: Positive = Field(default=20.0, description="a goal counts as reached within it")

@@ -134,7 +134,7 @@ RULES = (
         "no QP is solved beside an intruder; filter = false in a [[vehicle]] table makes one",
     ),
     Rule(
-        ("airframes", "airframes_folder", "vehicle.*.airframe"),
+        ("airframes", "airframes_folder", "sensors", "vehicle.*.airframe"),
         _knows_airframes,
         "no airframe flies; plant = 'jsbsim' takes it, and plant = 'lagged' with lags.source = 'airframe'",
     ),

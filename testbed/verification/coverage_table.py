@@ -193,6 +193,7 @@ SCENARIO = {
     "plant": _by("plant"),
     "airframes": _by("manifest", otherwise="no aircraft flies"),
     "airframes_folder": _no("where the airframes were found"),
+    "sensors": _by("manifest", otherwise="no aircraft flies"),
     "d_safe_m": _by("h_m", "G1 separation"),
     "goal_radius_m": _by("G7 goal"),
     "rates.fdm_dt_s": _no("steps of the flight dynamics are not recorded"),

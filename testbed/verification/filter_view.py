@@ -12,6 +12,7 @@ from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.settings import Scenario, arc, errs, filters_own
 
+USUAL = ("inverting", "perfect")  # the autopilot and the sensors that no name says
 AIRFRAMES = Path(__file__).parents[2] / "aircraft" / "airframes"
 # A lagged vehicle is flown on for so many of its longest time constants, in so many steps.
 TAIL, STEPS = 20.0, 400
@@ -76,13 +77,16 @@ def _lags(s: Scenario) -> Array | None:
         return every
     known = {}
     for name in fleet.airframes(s):
-        called, _, other = name.partition("@")
+        called, *asked = f"{name}@{s.get('sensors', '')}".rstrip("@").split("@")
+        other = "@".join(a.removesuffix(".eq") for a in asked if a not in USUAL)
+        if other in ("typical", "poor"):
+            other = f"inverting@{other}"
         folder = (
             AIRFRAMES / called
             if (AIRFRAMES / called).is_dir()
             else Path(s.get("airframes_folder", ""), called)
         )
-        file = f"autopilots/{other.removesuffix('.eq')}.toml" if other else "airframe.toml"
+        file = f"autopilots/{other}.toml" if other else "airframe.toml"
         try:
             said = tomllib.loads((folder / file).read_text(encoding="utf-8-sig"))["identified"]
             known[name] = [(said[c]["time_constant_s"], said[c]["delay_s"]) for c in TABLE]

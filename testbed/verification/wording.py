@@ -12,7 +12,7 @@ from testbed.claims.registry import Claim
 from testbed.verification import coverage, fleet
 from testbed.verification.air import blows
 from testbed.verification.coverage_table import AIRCRAFT, DECLARED, WIND
-from testbed.verification.filter_view import AIRFRAMES
+from testbed.verification.filter_view import AIRFRAMES, USUAL
 from testbed.verification.finding import Finding
 from testbed.verification.recorded import Recorded
 
@@ -84,7 +84,8 @@ def _manifest(run: Recorded) -> Finding:
     """Airframes are those of the scenario, schema and random streams the known ones."""
     s, m, wrong = run.scenario, run.manifest, []
     if s["plant"] == "jsbsim" and "plant" not in run.parts:
-        due = set(fleet.airframes(s))
+        sensed = f"@{s['sensors']}" if s.get("sensors") else ""
+        due = {name + sensed for name in fleet.airframes(s)}
         if not _called(due, set(m["airframes"])):
             wrong.append(f"airframes are {', '.join(sorted(m['airframes'])) or 'none'}")
     if m["schema_version"] != RUN_SCHEMA:
@@ -97,14 +98,13 @@ def _manifest(run: Recorded) -> Finding:
 def _called(due: set[str], named: set[str]) -> bool:
     """Whether airframes have these names: a folder's last part, or one that ends with the gains' file.
 
-    An @ is followed by the autopilot: the one asked for, or one that a folder of the user's own names.
+    An @ is followed by autopilot and sensors: those asked for, or those of a folder of the user's own.
     """
 
     def same(given: str, name: str) -> bool:
         (folder, *asked), (plain, *flown) = Path(given).name.split("@"), name.split("@")
-        if asked and [a.removesuffix(".eq") for a in asked] != flown and asked != ["inverting"]:
-            return False
-        if flown and not asked and (AIRFRAMES / given).is_dir():
+        wanted = {a.removesuffix(".eq") for a in asked if a not in USUAL}
+        if wanted - set(flown) or (set(flown) - wanted and (AIRFRAMES / folder).is_dir()):
             return False
         path = Path(folder)
         return folder == plain or (path.suffix == ".toml" and plain.endswith(f"+{path.stem}"))

@@ -76,6 +76,21 @@ def rungs(s: Scenario, filter_dt_s: float = 0.05) -> list[Rung]:
     ]
 
 
+def autopilot_rungs(s: Scenario) -> list[Rung]:
+    """From the autopilot that knows everything to those that people fly: sensing, ArduPlane, PX4, poorly.
+
+    The scenario's aircraft fly in its own weather, each under one autopilot after another.
+    """
+    plain = [name.partition("@")[0] for name in s.airframes]
+    return [
+        Rung("perfect", (("plant", "jsbsim"), ("airframes", plain), ("sensors", "perfect"))),
+        Rung("typical", (("sensors", "typical"),), "perfect"),
+        Rung("arduplane", (("airframes", [f"{name}@arduplane" for name in plain]),), "perfect"),
+        Rung("px4", (("airframes", [f"{name}@px4" for name in plain]),), "perfect"),
+        Rung("poor", (("sensors", "poor"),), "perfect"),
+    ]
+
+
 def cumulative(ladder: Sequence[Rung]) -> dict[str, Fields]:
     """Rung -> all fields it overrides, those of the rungs below included."""
     fields: Fields = {}

@@ -23,17 +23,24 @@ if TYPE_CHECKING:
 
 
 def ladder(
-    s: Scenario, seeds: int, out: Path, workers: int | None, overwrite: bool, parts: Parts | None = None
+    s: Scenario,
+    seeds: int,
+    out: Path,
+    workers: int | None,
+    overwrite: bool,
+    parts: Parts | None = None,
+    autopilots: bool = False,
 ) -> Found:
     """The fidelity ladder of `s`: ladder.csv (a row per run), rungs.csv and ladder.json, figures.
 
-    parts  of the user's own, in every run; UserError for a plant, the rungs have their own
+    parts       of the user's own, in every run; UserError for a plant, the rungs have their own
+    autopilots  the rungs are sensing and autopilots in place of plants and weather
     """
     if "plant" in effective(s, parts).own():
         raise UserError("--ladder: the rungs have plants of their own; leave out the plant of your own")
     check_free(out, overwrite)
     s = default_starts(s)
-    rungs = ladders.rungs(s)
+    rungs = ladders.autopilot_rungs(s) if autopilots else ladders.rungs(s)
     with journal_beside(out, "ladder") as kept:
         table = ladders.climb(s, rungs, seeds, kept, workers, parts=parts)
         distance = ladders.account(table, rungs, "distance_m")
