@@ -218,3 +218,15 @@ def test_every_stock_aircraft_can_be_copied_or_says_why():
 def test_default_folders_are_plain_names():
     assert default_folder("737") == Path("737")
     assert default_folder(str(wheel() / "aircraft" / "787-8")) == Path("787-8")
+
+
+def test_a_system_that_commands_the_aircraft_itself_is_left_out(tmp_path):
+    autothrottle = (
+        '<system name="autothrottle"><channel name="speed"><pure_gain name="at/throttle">'
+        "<input> velocities/vt-fps </input><gain> 0.001 </gain>"
+        "<output> fcs/throttle-cmd-norm </output></pure_gain></channel></system>"
+    )
+    folder = model_folder(tmp_path, lambda t: t.replace("<aerodynamics>", autothrottle + "<aerodynamics>"))
+    copy = safe_copy(find(str(folder)), "mine")
+    assert any("commands fcs/throttle-cmd-norm itself" in note for note in copy.notes)
+    assert "at/throttle" not in {e.attributes.get("name") for e in copy.model.walk()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,7 @@ _LEFT_OUT = {
     "fileheader": "",  # of prose only the author and the licence are kept, in the README
 }
 _ENGINE_FILES = ("engine", "thruster")
+_COMMAND = re.compile(r"fcs/(elevator|aileron|rudder|throttle)-cmd-norm(\[\d+\])?")
 _DECLARED = "declared"
 
 
@@ -176,9 +178,11 @@ def _engines(found: Copy, source: Source) -> None:
 
 
 def _make_safe(found: Copy, tree: Element) -> None:
-    """Leave out components that control the simulation, and outputs to files or a network."""
+    """Leave out components that control the simulation or command the aircraft, and outputs to files."""
     for e in list(tree.walk()):
         said = [message for message, _ in says(e)]
+        if e.name == "output" and _COMMAND.fullmatch(e.text.strip()):
+            said.append(f"it commands {e.text.strip()} itself")
         if not said and not (e.name == "output" and e.attributes):
             continue
         part = _component(e)
