@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from filters.model import State
 from testbed.components import catalogue
 from testbed.components.initial_conditions import generators, places
 from testbed.scenario.scenario import Scenario, load
@@ -91,12 +92,26 @@ def test_at_the_kink_the_turn_answers_as_if_it_had_none() -> None:
     assert np.allclose(own.lie[:, 0, 0, 0], 0.0, atol=1e-9)
 
 
-def test_a_manoeuvre_of_another_kind_is_not_flown() -> None:
-    s = load(
-        "paper-2-turn", ["barrier.kind=rollout", "barrier.manoeuvres=[{v_mps=16}, {v_mps=16, omega_degps=9}]"]
-    )
-    pose, _ = pose_of(s, 1)
-    assert fly_on(s.model_dump(mode="json"), pose, I, J) is None
+MIXED = (
+    "barrier.manoeuvres=[{v_mps=16, omega_degps=11.7}, {v_mps=21, omega_degps=23.4, zeta_mps=1},"
+    " {v_mps=18, omega_degps=-11.7}, {v_mps=18, omega_degps=5.85}, {v_mps=20}]"
+)
+
+
+def test_different_manoeuvres_are_flown_as_the_general_construction_does() -> None:
+    s = load("paper-2-turn", ["vehicles=5", "barrier.kind=rollout", MIXED])
+    made, rng, n = catalogue.barrier(s), np.random.default_rng(2), 5
+    position = np.stack([*rng.uniform(-150, 150, (2, 12, n)), rng.uniform(-20, 20, (12, n))], axis=-1)
+    theta = rng.uniform(-4, 4, (12, n))
+    own = fly_on(s.model_dump(mode="json"), Pose(position, theta), *np.triu_indices(n, 1))
+    assert own is not None
+    for k in range(12):
+        state = State(*position[k, :, :2].T.copy(), theta[k], position[k, :, 2].copy())
+        due = made.values(state)
+        np.testing.assert_allclose(own.h[k], due.h, atol=1e-9)
+        for side, lie in enumerate(due.lie(state)):
+            assert (np.abs(own.lie[side, :, k] - lie.T) <= own.lie_off[side, :, k]).all()
+    assert np.median(own.lie_off) < 1e-4
 
 
 @pytest.mark.parametrize(

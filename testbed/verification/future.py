@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from testbed.verification import rollouts
 from testbed.verification.recorded import Array
 
 INSTANTS = 12  # of a turn's period; three would do
@@ -83,11 +84,12 @@ class Future:
     climb_j: Array
     delta: float
     smoothing: float
+    rate_j: Array | float = 0.0  # of the vehicles j, where it differs
     any_kink: bool = False  # whether the gradient at a kink may be that of any minimum, as a rollout's is
 
     def fly(self, a: Pose, b: Pose) -> Flown:
         """From poses (..., P) of the vehicles i and j."""
-        flown = self._turn(a, b) if self.kind == "turn" else self._straight(a, b)
+        flown = {"turn": self._turn, "rollout": self._rollout}.get(self.kind, self._straight)(a, b)
         least, change, off, change_off, harmonic = flown
         h, slope = self._root(least)
         if self.form == "root":
@@ -96,7 +98,8 @@ class Future:
 
     def of(self, p: Array) -> Future:
         """Of the pairs p (M,) of these, as often as they are named."""
-        fields = ("speed_i", "speed_j", "rate", "climb_i", "climb_j")
+        fields = ["speed_i", "speed_j", "rate", "climb_i", "climb_j"]
+        fields += ["rate_j"] if np.ndim(self.rate_j) else []
         return replace(self, **{name: getattr(self, name)[p] for name in fields})
 
     def _turn(self, a: Pose, b: Pose) -> tuple[Array, Array, Array, Array, Array | None]:
@@ -162,6 +165,27 @@ class Future:
         line = edge + (least - edge**2) / (2.0 * edge)
         return np.where(least >= edge**2, root, line) - self.d_safe, 0.5 / root
 
+    def _rollout(self, a: Pose, b: Pose) -> tuple[Array, Array, Array, Array, Array | None]:
+        """Least squared range [m^2] of vehicles on different manoeuvres, its change, their errors."""
+        shape, sides = a.theta.shape, []
+        of = ((a, self.speed_i, self.rate, self.climb_i), (b, self.speed_j, self.rate_j, self.climb_j))
+        for pose, *gamma in of:
+            x, y, z = (pose.position[..., k].ravel() for k in range(3))
+            told = tuple(np.broadcast_to(g, shape).ravel() for g in gamma)
+            sides.append(((x, y, pose.theta.ravel(), z), told))
+        when, second = rollouts.least(sides[0], sides[1])
+        apart = np.stack(rollouts.offset(sides[0], sides[1], when), axis=-1).reshape(*shape, 3)
+        ways = [rollouts.after(side, when) for side in sides]
+        flown = [(east.reshape(shape), north.reshape(shape)) for east, north, _ in ways]
+        square, change = np.sum(apart**2, axis=-1), _change(apart, a, b, flown)
+        off = NOISE * (1.0 + 100.0 * square)
+        # Where a second minimum is as low, the gradient may be that of either.
+        tied = (second.reshape(shape) <= 1e-6 * (1.0 + square)) * 1.0
+        reach = np.sqrt(square) * (np.abs(self.speed_i) + np.abs(self.speed_j)) * (1.0 + when.reshape(shape))
+        # Half the digits of the time at which a smooth minimum lies are lost.
+        change_off = (1e-7 + tied) * (1.0 + reach) * np.ones((2, 3, *[1] * len(shape)))
+        return square, change, off, change_off, None
+
     def _straight(self, a: Pose, b: Pose) -> tuple[Array, Array, Array, Array, Array | None]:
         """Least squared range [m^2] of vehicles that fly straight on, its change, their errors."""
         velocity = []
@@ -214,11 +238,11 @@ def future(s: dict[str, Any], i: Array, j: Array) -> Future | None:
     elif kind == "rollout":
         # A climb of all alike changes no distance.
         alike = np.ptp(zeta) == 0.0
-        if np.ptp(omega) or (omega[0] and not alike):
-            return None
-        kind = "turn" if omega[0] else "straight"
+        if not (np.ptp(omega) or (omega[0] and not alike)):
+            kind = "turn" if omega[0] else "straight"
     flown = v[i], v[j], omega[i], zeta[i], zeta[j]
-    return Future(kind, b["form"], s["d_safe_m"], *flown, delta, smoothing, b["kind"] == "rollout")
+    more = omega[j], b["kind"] == "rollout"
+    return Future(kind, b["form"], s["d_safe_m"], *flown, delta, smoothing, *more)
 
 
 def manoeuvre(s: dict[str, Any]) -> Array:
