@@ -9,10 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import testbed
 from aircraft.airframe import load
+from aircraft.airframes.provenance import identified_fingerprint
 from aircraft.airframes.sensors import PRESETS, Sensors, label, sensors_of
 from aircraft.autopilots.tuning import Score, fly, score
 from aircraft.equations.catalogue import equations_of, of_airframe
@@ -184,3 +186,19 @@ def test_a_scenario_without_sensors_says_nothing_of_them() -> None:
     s = testbed.load_scenario("paper-2-turn")
     assert "sensors" not in s.model_dump(mode="json")
     assert ladders.autopilot_rungs(s)[2].fields == (("airframes", ["x8@arduplane"]),)
+
+
+def test_the_guides_table_of_autopilots_follows_from_every_run_flown() -> None:
+    guide = Path(__file__).parent.parent / "docs" / "guide"
+    kept = pd.read_csv(guide / "data" / "autopilots" / "ladder" / "rungs.csv")
+    assert ladders.markdown(kept) in (guide / "autopilots.md").read_text()
+    runs = pd.read_csv(guide / "data" / "autopilots" / "ladder" / "runs.csv")
+    made = ladders.summary(runs, ladders.autopilot_rungs(testbed.load_scenario("paper-2-turn")))
+    pd.testing.assert_frame_equal(made[["rung", "lost", "distance_m"]], kept[["rung", "lost", "distance_m"]])
+
+
+@pytest.mark.parametrize("name", ["x8@arduplane", "x8@px4", "x8@typical", "rascal@arduplane", "rascal@px4"])
+def test_identified_lags_are_of_the_files_as_they_are(name: str) -> None:
+    airframe = load(name)
+    assert airframe.identified is not None
+    assert airframe.identified.fingerprint == identified_fingerprint(airframe)
