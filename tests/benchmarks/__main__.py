@@ -20,7 +20,7 @@ from typing import Any
 # One thread: what several do for numpy's small arrays is spin. Before numpy comes in.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from benchmarks import machine, memory, report, runs, starting, steps
+from benchmarks import border, machine, memory, report, runs, starting, steps
 from benchmarks.clock import BareStep
 from benchmarks.runs import progress
 
@@ -43,6 +43,8 @@ def measure(quick: bool) -> dict[str, Any]:
         for k in sizes:
             progress(f"filter step, {mode}, {k} vehicles")
             found[mode].append(steps.step_cost(k, mode, bare, moments, goes))
+    progress("the border of own parts")
+    found["border"] = border.cost(2, bare)
     progress("filter steps beside a fresh OSQP per vehicle")
     found["fresh"] = steps.against_fresh_osqp(bare, 10 if quick else 100)
     found["split"] = []
