@@ -240,8 +240,7 @@ def _intervention(f: Flown, v: Verdict) -> Verdict:
 
 def _seeking(f: Flown) -> np.ndarray:
     """Whether each vehicle has a goal to come to; an intruder's is its own affair."""
-    seeking = np.ones(f.statistics.vehicles, dtype=bool)
-    seeking[list(guidance_rules.goalless(f.scenario))] = False
+    seeking = guidance_rules.seeking(f.scenario)
     return seeking if f.under is None else seeking & f.under
 
 

@@ -20,7 +20,7 @@ from testbed.claims.judging import decide, finer, leave_open, premise_not_met
 from testbed.claims.registry import MANOEUVRE_KEEPS_DS
 from testbed.measures.between_samples import Bends, closest_on_arcs, nearest_on_chords
 from testbed.measures.near_misses import NearMisses
-from testbed.measures.roles import Roles
+from testbed.measures.roles import Mask, Roles
 from testbed.records.verdict import Verdict
 from testbed.scenario.scenario import Scenario
 
@@ -59,6 +59,7 @@ def fly(
     j: np.ndarray,
     arcs: bool,
     who: Roles | None = None,
+    left_s: Array | None = None,
 ) -> Verdict:
     """G9: one verdict, its detail a row per instant.
 
@@ -69,6 +70,7 @@ def fly(
     i, j    vehicles of each pair, from 0
     arcs    whether the vehicles are unicycles, which fly gamma exactly
     who     who is under the filter: intruders do not fly gamma, but on; None without intruders
+    left_s  (N,) s, when each vehicle left, nan if it did not: then its pairs are not looked at any more
     """
     v = MANOEUVRE_KEEPS_DS.unjudged(s.barrier.form, s.goal_radius_m)
     if who is not None:
@@ -87,13 +89,19 @@ def fly(
             break
         plant = branch(step * dt)
         flown = limits.clip(gamma)
-        if who is None:
+        here = None if left_s is None else ~(left_s <= step * dt + 1e-9)
+        a, b = (i, j) if here is None else (i[here[i] & here[j]], j[here[i] & here[j]])
+        if not a.size:  # nobody is left to meet
+            rows[step] = {"t_s": step * dt, "safe_pairs": 0, "fault": ""}
+            continue
+        if who is None and here is None:
             h = barrier.values(plant.state()).h
         else:
-            h = barrier.values(plant.state(), i, j).h
+            h = barrier.values(plant.state(), a, b).h
+        if who is not None:
             flown = _on(flown, plant, limits, who)
-        reached, fault = _fly(plant, wind, flown, step * dt, i, j, s.d_safe_m, arcs)
-        rows[step] = _row(s, step * dt, h, reached, i, j) | {"fault": fault}
+        reached, fault = _fly(plant, wind, flown, step * dt, a, b, s.d_safe_m, arcs, here)
+        rows[step] = _row(s, step * dt, h, reached, a, b) | {"fault": fault}
     branches = [rows[step] for step in sorted(rows)]
     v = v.but(detail={"branches": branches})
     safe = [row for row in branches if row["safe_pairs"]]
@@ -175,8 +183,12 @@ def _fly(
     j: np.ndarray,
     d_safe: float,
     arcs: bool,
+    here: Mask | None = None,
 ) -> tuple[Reached, str]:
-    """How near each pair comes while all fly gamma for its period, and what ended it early."""
+    """How near each pair comes while all fly gamma for its period, and what ended it early.
+
+    here  (N,) who has not left; None is everybody
+    """
     turning = np.abs(gamma.omega) > 1e-9
     horizon = float(2 * np.pi / np.abs(gamma.omega[turning]).min()) if turning.any() else STRAIGHT_HORIZON_S
     n = max(1, round(PERIOD_S / plant.dt))
@@ -187,7 +199,9 @@ def _fly(
     steps = int(np.ceil(horizon / (n * plant.dt)))
     for k in range(steps):
         track = plant.step(gamma, wind(t + k * n * plant.dt, plant.state()), n)
-        fault = next((f"vehicle {v + 1}: {what}" for v, what in enumerate(plant.faults()) if what), "")
+        faults = enumerate(plant.faults())
+        met = ((v, what) for v, what in faults if what and (here is None or here[v]))
+        fault = next((f"vehicle {v + 1}: {what}" for v, what in met), "")
         if fault:
             return Reached(least, least, np.zeros(len(i))), f"{fault} while flying gamma from {t:g} s"
         whole = np.concatenate([last, track])

@@ -21,11 +21,12 @@ from filters.model import Array, Command, Limits
 from testbed.components import remedies
 from testbed.components.barriers import MAKERS
 from testbed.components.fences import fences
+from testbed.components.following.arrival import CircleAtGoal
 from testbed.components.following.making import fleet_guidance
 from testbed.components.guidance import Guidance
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
-from testbed.scenario import control, fleet
+from testbed.scenario import control, fleet, guidance_rules
 from testbed.scenario.location import path_of, relative
 from testbed.scenario.scenario import Scenario
 
@@ -164,7 +165,11 @@ def guidance(s: Scenario, goal: Array, b: Barrier) -> Guidance:
             )
         return found
 
-    return fleet_guidance(fleet.guidances(s), limits(s), goal, gamma)
+    law = fleet_guidance(fleet.guidances(s), limits(s), goal, gamma)
+    if s.goal.on_arrival != "loiter":
+        return law
+    seeks = guidance_rules.seeking(s)
+    return CircleAtGoal(law, goal, s.goal_radius_m, seeks, b.manoeuvre(s.vehicles), limits(s))
 
 
 def _unicycle(s: Scenario) -> Plant:

@@ -118,6 +118,10 @@ def _recorded(run: Run) -> Iterator[tuple[float, list[str]]]:
         still = []
         for row in group.to_dict("records"):
             vehicle = int(row["vehicle"])
+            if row.get("left", False):  # the object is removed, once
+                if shown.pop(vehicle, None) is not None:
+                    lines.append(f"-{_id(vehicle)}")
+                continue
             now = _state(row, critical.get(vehicle), INTRUDER if vehicle in strangers else CALM)
             if vehicle not in shown:
                 shown[vehicle] = {}
@@ -170,6 +174,7 @@ def _worst_pairs(
     if strangers:
         pairs = pairs[~(pairs.i.isin(strangers) & pairs.j.isin(strangers))].reset_index(drop=True)
     worst: dict[float, dict[int, tuple[int, float, bool]]] = {}
+    pairs = pairs[pairs.h_m.notna()]  # of two that have not left
     if not len(pairs):
         return worst
     rows: Iterable[Any] = pairs.loc[pairs.groupby("t_s").h_m.idxmin()].itertuples(index=False)

@@ -42,7 +42,9 @@ class DeclaredBarrier:
             return
         self.rows.update(t[new:], left[new:])
         if len(t) > 1:
-            self.condition.update(t[:-1], np.diff(h, axis=0) / dt + alpha_h[:-1])
+            left = np.isposinf(h[1:])  # a pair that has left by then
+            rate = np.diff(np.where(np.isposinf(h), 0.0, h), axis=0) / dt
+            self.condition.update(t[:-1], np.where(left, np.inf, rate + alpha_h[:-1]))
 
 
 def at_one_step(pairs: PairValues, alpha_h: Array | None, state: State, u: Array | None) -> Array:

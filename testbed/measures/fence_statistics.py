@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from filters.barriers.fences.fences import Fences
 from filters.model import Array, Command, State
@@ -33,9 +34,16 @@ class FenceStatistics:
         self._last = start.position[None], fences.clearance(start.position)[None]
         self.clearance.update(np.zeros(1), self._last[1])
 
-    def positions(self, t: Array, track: Array, flown: Command) -> None:
-        """Take in positions `track` (n, N, 3) at times `t` (n,), and the commands (S, N) that led there."""
+    def positions(
+        self, t: Array, track: Array, flown: Command, gone: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Take in positions `track` (n, N, 3) at times `t` (n,), and the commands (S, N) that led there.
+
+        gone  (S, N) who has left at the begin of each period; not judged. None if none can
+        """
         at = self.fences.clearance(track)
+        if gone is not None:
+            at = np.where(np.repeat(gone, self._periods, axis=0)[:, self.fences.vehicle], np.inf, at)
         self.clearance.update(t, at)
         track, at = np.concatenate([self._last[0], track]), np.concatenate([self._last[1], at])
         self._lines(t, track, at)
@@ -44,9 +52,11 @@ class FenceStatistics:
         self._bent = np.maximum(self._bent, 0.125 * self._fdm_dt**2 * turning)
         self._last = track[-1:].copy(), at[-1:].copy()
 
-    def state(self, t: Array, truth: State) -> Array:
-        """Take in true states (S, N) at times `t` (S,); returns h (S, K)."""
+    def state(self, t: Array, truth: State, gone: NDArray[np.bool_] | None = None) -> Array:
+        """Take in true states (S, N) at times `t` (S,); returns h (S, K), inf of who has left."""
         h = self.fences.values(truth)
+        if gone is not None:
+            h = np.where(gone[:, self.fences.vehicle], np.inf, h)
         self.h.update(t, h)
         return h
 

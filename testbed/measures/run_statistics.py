@@ -57,6 +57,9 @@ class RunStatistics:
     bends       how paths bend between samples
     roles       who is under the filter; None without intruders
     tracks      distances from recorded tracks that vehicles follow; None where none follows one
+
+    Vehicles that have left (`gone`, (S, N) bool at filter steps; None if none can) are not judged from that
+    step on. h of their pairs is given as inf.
     """
 
     vehicles: int
@@ -120,20 +123,28 @@ class RunStatistics:
         self.positions(np.zeros(1), position[None], 1)
 
     def positions(
-        self, t: Array, track: Array, periods: int, motion: tuple[State, Command] | None = None
+        self,
+        t: Array,
+        track: Array,
+        periods: int,
+        motion: tuple[State, Command] | None = None,
+        gone: NDArray[np.bool_] | None = None,
     ) -> None:
         """Take in positions `track` (n, N, 3) at times `t` (n,), `periods` of them to a filter period.
 
+        gone    who has left at the begin of each of those periods
         motion  poses at the begin and rates of those filter periods, (S, N), of unicycles: see `arcs`
         """
+        away = None if gone is None else np.repeat(gone, periods, axis=0)
+        apart = None if away is None else away[:, self._i] | away[:, self._j]
         whole = track if self._last is None else np.concatenate([self._last[None], track])
         if self._i.size:
             # Entries first: numpy sums over a last axis of 3 slowly.
             places = np.ascontiguousarray(whole.transpose(2, 0, 1))
             offset = places.take(self._i, axis=-1) - places.take(self._j, axis=-1)
-            self.separation.update(t, np.sqrt(_square(offset[:, len(whole) - len(track) :])))
+            self.separation.update(t, _without(apart, np.sqrt(_square(offset[:, len(whole) - len(track) :]))))
             if len(whole) > 1:
-                chords, ends = _closest(offset), t[-(len(whole) - 1) :]
+                chords, ends = _without(apart, _closest(offset)), t[-(len(whole) - 1) :]
                 self.between.update(ends, chords)
                 self.bends.update(places, periods)
                 if self.arcs is not None and motion is not None:
@@ -141,7 +152,7 @@ class RunStatistics:
                     begin = ends[periods - 1 :: periods] - periods * fdm_dt
                     by_period = chords.reshape(-1, periods, self._i.size)
                     self.arcs.update(begin, *motion, by_period, fdm_dt)
-        distance = np.sqrt(_square((track - self._goal).transpose(2, 0, 1)))
+        distance = _without(away, np.sqrt(_square((track - self._goal).transpose(2, 0, 1))))
         self.goal.update(t, distance)
         inside = distance <= self._goal_radius
         flying = np.isnan(self.passed)
@@ -188,6 +199,7 @@ class RunStatistics:
         rates: Array,
         override: Array,
         limits: Limits,
+        gone: NDArray[np.bool_] | None = None,
     ) -> None:
         """Take in what was commanded at `t` (S,), what was wanted, and the rates achieved until then.
 
@@ -196,11 +208,17 @@ class RunStatistics:
         self.filter_steps += len(t)
         low, high = limits.corners
         span = np.where(high > low, high - low, 1.0)
-        self.command_margin.update(t, (np.minimum(command - low, high - command) / span).min(axis=-1))
+        margin = (np.minimum(command - low, high - command) / span).min(axis=-1)
+        self.command_margin.update(t, _without(gone, margin))
         clipped = np.minimum(np.maximum(wanted, low), high)
-        self.altered += (np.abs(command - clipped) * dt).sum(axis=0)
-        self.lowest = np.minimum(self.lowest, rates.min(axis=0))
-        self.highest = np.maximum(self.highest, rates.max(axis=0))
+        changed = np.abs(command - clipped) * dt
+        slowest = fastest = rates
+        if gone is not None:
+            changed = np.where(gone[..., None], 0.0, changed)
+            slowest, fastest = (np.where(gone[..., None], x, rates) for x in (np.inf, -np.inf))
+        self.altered += changed.sum(axis=0)
+        self.lowest = np.minimum(self.lowest, slowest.min(axis=0))
+        self.highest = np.maximum(self.highest, fastest.max(axis=0))
         self.override_steps += override.sum(axis=0)
 
     def solved(self, t: Array, status: NDArray[np.int_], residual: Array, inside: NDArray[np.bool_]) -> None:
@@ -251,6 +269,11 @@ class RunStatistics:
         if binding.any():
             self.kink.update(t, np.where(binding, np.abs(z) / np.maximum(moved, 1e-12), np.inf))
         self._amplitude = z[-1]
+
+
+def _without(gone: NDArray[np.bool_] | None, values: Array) -> Array:
+    """The values with inf for what has left: it is not judged."""
+    return values if gone is None else np.where(gone, np.inf, values)
 
 
 def _square(v: Array) -> Array:

@@ -100,6 +100,7 @@ def _plant(name: str, run: Run, most: int, look: Mapping[str, Any]) -> dict[str,
             if g["id"] in MOMENTS
         ],
         "ended": run.manifest["ended_early"],
+        "left": run.manifest.get("left_s") or [None] * n,
     }
 
 
@@ -129,7 +130,8 @@ def _pairs(run: Run, times: int, kept: np.ndarray) -> dict[str, Any] | None:
     distance = table.distance_m.to_numpy().reshape(times, -1)[kept]
     h = table.h_m.to_numpy().reshape(times, -1)[kept]
     rows = np.arange(len(kept))
-    closest, lowest = distance.argmin(axis=1), h.argmin(axis=1)
+    # Pairs of which one has left have no numbers any more.
+    closest, lowest = (np.where(np.isnan(x), np.inf, x).argmin(axis=1) for x in (distance, h))
     worst = {tuple(g["vehicles"]) for g in run.guarantees if g["id"] in MOMENTS and len(g["vehicles"]) == 2}
     listed = [p for p in range(len(i)) if (int(i[p]), int(j[p])) in worst]
     return {

@@ -24,7 +24,7 @@ from testbed.scenario.kinds import Kinds
 from testbed.scenario.nonideal import LAGS, AirframeLags, Gusts, Lags, Network, Sensing, Wind
 from testbed.scenario.remedy import Remedy
 from testbed.scenario.start import STARTS, Circle, Start
-from testbed.scenario.tables import Checks, InputSet, Navigation, Rates
+from testbed.scenario.tables import Checks, Goal, InputSet, Navigation, Rates
 from testbed.scenario.vehicle import Intruders, Vehicle
 
 SCHEMA_VERSION: Literal[2] = 2
@@ -43,9 +43,9 @@ KINDS: dict[str, Kinds] = {
 LISTED_KINDS: dict[str, Kinds] = {"fence": FENCES}
 # Tables that plain data leave out while they are at their defaults: scenarios without them keep the names
 # that their runs had before there were such tables.
+ABSENT_BY_DEFAULT = ("goal", "fence", "vehicle", "intruders", "sensors")
 # Fields of tables, likewise.
 FIELDS_ABSENT_BY_DEFAULT = {("sensing", "range_m"): None, ("filter", "cost"): "raw"}
-ABSENT_BY_DEFAULT = ("fence", "vehicle", "intruders", "sensors")
 
 
 class Contents(Section):
@@ -82,6 +82,7 @@ class Contents(Section):
     )
     d_safe_m: Positive = Field(default=5.0, description="Ds, the separation to keep")
     goal_radius_m: Positive = Field(default=20.0, description="a goal counts as reached within it")
+    goal: Goal = Goal()
     rates: Rates = Rates()
     limits: InputSet = InputSet()
     start: Start = Circle()

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import radians
 
+import numpy as np
+from numpy.typing import NDArray
+
 from testbed.scenario import fleet
 from testbed.scenario.contents import Contents
 from testbed.scenario.guidance import (
@@ -95,6 +98,13 @@ def goalless(s: Contents) -> tuple[int, ...]:
         if seeks_none and not own:
             without.append(k)
     return tuple(without)
+
+
+def seeking(s: Contents) -> NDArray[np.bool_]:
+    """(N,) whether each vehicle has a goal."""
+    found = np.ones(s.vehicles, dtype=bool)
+    found[list(goalless(s))] = False
+    return found
 
 
 def straight_to_goal(s: Contents) -> list[bool]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -68,6 +68,16 @@ class InputSet(Section):
         if self.v_min_mps > self.v_max_mps:
             raise ValueError(f"v_min_mps {self.v_min_mps:g} is above v_max_mps {self.v_max_mps:g}")
         return self
+
+
+class Goal(Section):
+    """What a vehicle does that has come within `goal_radius_m` of its goal."""
+
+    on_arrival: Literal["fly-on", "loiter", "leave"] = Field(
+        default="fly-on",
+        description="fly-on: guidance goes on as before; loiter: it circles its goal as its manoeuvre turns;"
+        " leave: from that filter step on it is neither seen nor judged",
+    )
 
 
 class Checks(Section):

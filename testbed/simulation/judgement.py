@@ -20,6 +20,7 @@ from testbed.claims.ranges import ranges
 from testbed.components import catalogue
 from testbed.components.border.contract import Breach, describe
 from testbed.components.border.others import OwnFilter
+from testbed.components.following.arrival import CircleAtGoal
 from testbed.components.initial_conditions import generators
 from testbed.components.provenance import Origin
 from testbed.components.versions import versions
@@ -32,6 +33,7 @@ from testbed.records.verdict import Verdict
 from testbed.scenario import guidance_rules
 from testbed.scenario.scenario import Scenario
 from testbed.simulation.assembly import Assembled, Setting
+from testbed.simulation.leaving import Leaving
 
 
 def judge(
@@ -40,11 +42,13 @@ def judge(
     statistics: RunStatistics,
     own: dict[str, Origin],
     end: str | None,
+    left: Leaving | None = None,
 ) -> Run:
     """The run, with all claims judged; its tables and its wall time are left to the caller.
 
     made  None where a part could not be made
     own   the parts that are not the scenario's -> where they come from
+    left  who has left, and when; None where vehicles do not leave
     end   why the run ended before its time, or None
     """
     s, barrier, limits = setting.scenario, setting.barrier, setting.limits
@@ -61,7 +65,7 @@ def judge(
     if made and made.replay and statistics.near_misses and end is None:
         statistics.near_misses.close()
         try:
-            verdicts.append(_fly_manoeuvre(setting, made, made.replay, statistics.near_misses))
+            verdicts.append(_fly_manoeuvre(setting, made, made.replay, statistics.near_misses, left))
         except Exception as error:
             unflown = flown.unjudged(registry.MANOEUVRE_KEEPS_DS)
             why = str(error) if isinstance(error, Breach) else describe(error)
@@ -73,6 +77,8 @@ def judge(
         verdicts = own_filter.judged_by_its_own(verdicts, s, statistics, setting.i, setting.j, end)
     elif s.filter.kind == "flow" and "filter" not in own:
         verdicts = own_filter.excused(verdicts, registry.excused(declared=False, flow=True))
+    if left is not None:
+        manifest["left_s"] = left.summary()
     if statistics.tracks is not None:
         manifest["track_error"] = statistics.tracks.summary()
     record = declaration(made.filter).record if made else None
@@ -94,13 +100,16 @@ def _solo_time(setting: Setting, made: Assembled) -> Array | None:
     if not any(straight):
         return None
     try:
-        alone = solo_time(made.guidance, setting.limits, start, goal, setting.scenario.goal_radius_m)
+        law = made.guidance.law if isinstance(made.guidance, CircleAtGoal) else made.guidance
+        alone = solo_time(law, setting.limits, start, goal, setting.scenario.goal_radius_m)
     except Breach:
         return None
     return np.where(straight, alone, np.nan)
 
 
-def _fly_manoeuvre(setting: Setting, made: Assembled, replay: Replay, near_misses: NearMisses) -> Verdict:
+def _fly_manoeuvre(
+    setting: Setting, made: Assembled, replay: Replay, near_misses: NearMisses, left: Leaving | None
+) -> Verdict:
     """G9: the evading manoeuvre flown from instants of the flight that `replay` remembers."""
     s = setting.scenario
 
@@ -111,6 +120,8 @@ def _fly_manoeuvre(setting: Setting, made: Assembled, replay: Replay, near_misse
     when = manoeuvre.instants(s, near_misses, s.duration_s)
     pairs = setting.i, setting.j
     rest = setting.barrier, setting.limits, when, *pairs, made.arcs, setting.roles
+    if left is not None:
+        return manoeuvre.fly(s, replay.branch, wind, *rest, left_s=left.left_s)
     return manoeuvre.fly(s, replay.branch, wind, *rest)
 
 

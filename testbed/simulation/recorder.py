@@ -39,10 +39,11 @@ class Recorder:
         dt: float,
         fdm_dt: float,
         windy: bool,
+        leaving: bool = False,
     ) -> None:
         self.buffer, self.statistics, self.rows = buffer, statistics, rows
         self.barrier, self.alpha, self.limits = barrier, alpha, limits
-        self.dt, self.windy = dt, windy
+        self.dt, self.windy, self.leaving = dt, windy, leaving
         self._offsets = fdm_dt * np.arange(1, buffer.periods + 1)
 
     def look(self) -> None:
@@ -52,9 +53,10 @@ class Recorder:
             return
         new = slice(s.seen, s.count)
         s.judge_truth(self.barrier)
-        self.statistics.decided(
-            s.t[new], self.dt, s.command[new], s.wanted[new], s.rates[new], s.override[new], self.limits
-        )
+        s.let_go()
+        gone = None if s.gone is None else s.gone[new]
+        flown = s.command[new], s.wanted[new], s.rates[new], s.override[new]
+        self.statistics.decided(s.t[new], self.dt, *flown, self.limits, gone)
         safe, who = s.h[new] >= 0.0, self.statistics.roles
         inside = np.asarray((safe if who is None else safe[:, who.judged]).all(axis=-1))
         if self.statistics.fences is not None:
@@ -68,10 +70,11 @@ class Recorder:
         if s.moved:
             moved = slice(s.seen, s.seen + s.moved)
             t = s.t[moved, None] + self._offsets
-            flown = State.of(s.truth[moved]), Command.of(s.command[moved])
-            self.statistics.positions(t.ravel(), s.track[: t.size], s.periods, flown)
+            motion = State.of(s.truth[moved]), Command.of(s.command[moved])
+            gone = None if s.gone is None else s.gone[moved]
+            self.statistics.positions(t.ravel(), s.track[: t.size], s.periods, motion, gone)
             if self.statistics.fences is not None:
-                self.statistics.fences.positions(t.ravel(), s.track[: t.size], flown[1])
+                self.statistics.fences.positions(t.ravel(), s.track[: t.size], motion[1], gone)
         s.keep_last()
 
     def close(self) -> None:
@@ -94,7 +97,7 @@ class Recorder:
     def _look_at_pairs(self, new: slice) -> None:
         s, statistics = self.buffer, self.statistics
         h, lie = s.h[: s.count], s.lie()
-        alpha_h = self.alpha(h)
+        alpha_h = self.alpha(h) if s.gone is None else np.where(s.apart(), np.inf, self.alpha(h))
         statistics.barrier(s.t[new], h[new], lie[:, :, new], alpha_h[new], self.limits)
         if isinstance(self.barrier, TurnBarrier):
             statistics.phasor(s.t[new], self.barrier.phasor(State.of(s.truth[new])))
@@ -107,28 +110,40 @@ class Recorder:
             statistics.own.update(s.t[: s.count], s.declared[:, : s.count], s.seen, self.dt)
         if s.count == 1:
             return
-        realised = np.diff(h, axis=0) / self.dt
-        statistics.condition.update(s.t[: s.count - 1], realised + alpha_h[:-1])
+        if s.gone is None:
+            realised = np.diff(h, axis=0) / self.dt
+            statistics.condition.update(s.t[: s.count - 1], realised + alpha_h[:-1])
+        else:
+            left = s.apart()[1:]  # by the end of the period
+            realised = np.where(left, np.nan, np.diff(np.where(np.isposinf(h), 0.0, h), axis=0) / self.dt)
+            statistics.condition.update(s.t[: s.count - 1], np.where(left, np.inf, realised + alpha_h[:-1]))
         led = np.flatnonzero(s.recorded[: s.count - 1])
         if led.size:
             residuals = {"hdot_realised_mps": realised[led].ravel()} | self._residuals(led, lie)
+            if s.gone is not None:
+                left = s.apart()[1:][led].ravel()
+                residuals = {name: np.where(left, np.nan, values) for name, values in residuals.items()}
             self.rows.add("pairs", self._pair_rows(led, lie) | residuals)
 
     def _look_at_fences(self, fences: FenceStatistics, new: slice) -> np.ndarray:
         """Count and record h and clearance of fences at new steps; whether (S,) all h >= 0."""
         s = self.buffer
-        h = fences.state(s.t[new], State.of(s.truth[new]))
+        gone = None if s.gone is None else s.gone[new]
+        h = fences.state(s.t[new], State.of(s.truth[new]), gone)
         recorded = np.flatnonzero(s.recorded[new])
         if recorded.size or not s.count:
             position, of = s.truth[new][recorded][..., [0, 1, 3]], fences.fences
+            clear, least = of.clearance(position), h[recorded]
+            if gone is not None:
+                clear, least = (np.where(np.isposinf(least), np.nan, x) for x in (clear, least))
             self.rows.add(
                 "fences",
                 {
                     "t_s": np.repeat(s.t[new][recorded], of.fence.size),
                     "fence": np.tile((of.fence + 1).astype(np.int32), recorded.size),
                     "vehicle": np.tile((of.vehicle + 1).astype(np.int32), recorded.size),
-                    "clearance_m": of.clearance(position).ravel(),
-                    "h_m": h[recorded].ravel(),
+                    "clearance_m": clear.ravel(),
+                    "h_m": least.ravel(),
                 },
             )
         return np.asarray((h >= 0.0).all(axis=-1))
@@ -152,7 +167,10 @@ class Recorder:
         telemetry = {
             name: np.concatenate([s.telemetry[k][name] for k in steps]) for name in s.telemetry[steps[0]]
         }
-        self.statistics.saturation.update({name: x.reshape(-1, n) for name, x in telemetry.items()})
+        seen = {name: x.reshape(-1, n) for name, x in telemetry.items()}
+        if s.gone is not None:
+            seen = {name: np.where(s.gone[steps], np.nan, x) for name, x in seen.items()}
+        self.statistics.saturation.update(seen)
         wind = s.air[steps].reshape(-1, 3).T if self.windy else ()
         columns = self._vehicle_rows(steps) | telemetry | dict(zip(WIND_COLUMNS, wind, strict=False))
         self.rows.add("vehicles", columns)
@@ -171,6 +189,8 @@ class Recorder:
                 columns[name] = values[steps, :, k].ravel()
         columns["override"] = s.override[steps].ravel()
         columns["qp_status"] = STATUS_NAMES[s.status[steps].ravel()]
+        if self.leaving:
+            columns["left"] = (np.zeros((steps.size, n), bool) if s.gone is None else s.gone[steps]).ravel()
         return columns
 
     def _pair_rows(self, steps: np.ndarray, lie: Array) -> Columns:
@@ -182,7 +202,7 @@ class Recorder:
         u = s.command[steps].reshape(-1, 3)
         lie_i, lie_j = self._sides(steps, lie)
         declared = () if s.declared is None else s.declared[:2, steps].reshape(2, -1)
-        return {
+        rows = {
             "t_s": np.repeat(s.t[steps], s.i.size),
             "i": np.tile((s.i + 1).astype(np.int32), steps.size),
             "j": np.tile((s.j + 1).astype(np.int32), steps.size),
@@ -192,6 +212,11 @@ class Recorder:
             "hdot_predicted_mps": dot(lie_i, u[i]) + dot(lie_j, u[j]),
             **dict(zip(DECLARED_COLUMNS, declared, strict=False)),
         }
+        if s.gone is not None:
+            apart = s.apart()[steps].ravel()
+            for name in rows.keys() - {"t_s", "i", "j"}:
+                rows[name] = np.where(apart, np.nan, rows[name])
+        return rows
 
     def _residuals(self, steps: np.ndarray, lie: Array) -> Columns:
         """Realised minus predicted hdot after these steps, by channel."""

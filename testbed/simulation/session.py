@@ -33,9 +33,10 @@ from testbed.scenario.scenario import Scenario
 from testbed.simulation import termination
 from testbed.simulation.assembly import Assembled, Setting, put_together, set_up
 from testbed.simulation.judgement import judge
+from testbed.simulation.leaving import leaving
 from testbed.simulation.recorder import Recorder
 from testbed.simulation.step import Step, advance, given, unfiltered
-from testbed.simulation.step_buffer import StepBuffer
+from testbed.simulation.step_buffer import StepBuffer, keep_freed_memory
 
 
 def assemble(
@@ -78,7 +79,7 @@ class Session:
             raise RuntimeError("this session has written to its sink; assemble another one")
         self.close()
         self._began = time.perf_counter()
-        _keep_freed_memory()
+        keep_freed_memory()
         s, self._run = self.scenario, None
         self._end: str | None = None
         setting = self._setting = set_up(s, self._force)
@@ -118,7 +119,9 @@ class Session:
             s.rates.filter_dt_s,
             s.rates.fdm_dt_s,
             made is not None and made.air is not None,
+            s.goal.on_arrival == "leave",
         )
+        self._leaving = leaving(s, setting.goal)
         self._still = np.zeros((s.vehicles, 3))
         self._waiting = deque([Command.of(np.zeros((s.vehicles, 3)))] * s.guidance.delay_steps)
         self._count, self._recorded, self._commanded, self._unfiltered = 0, False, False, False
@@ -162,7 +165,8 @@ class Session:
         try:
             plant, environment = self._made.plant, self._made.environment
             track = advance(plant, environment, self._decision.command, t, self._now.air, n)
-            fault = termination.lost(plant.faults(), track)
+            faults = plant.faults()
+            fault = termination.lost(faults if self._leaving is None else self._leaving.well(faults), track)
         except Exception as error:
             fault = termination.raised("flying", error, self._count)
         if fault is not None:
@@ -188,7 +192,8 @@ class Session:
         handed = {"nominal": Origin("commands given step by step")} if self._commanded else {}
         handed |= {"filter": Origin("passed by on request")} if self._unfiltered else {}
         own = self._own | handed
-        self._run = judge(self._setting, self._made, self._statistics, own, self._end)
+        left = self._leaving
+        self._run = judge(self._setting, self._made, self._statistics, own, self._end, left)
         self._run.timing = {"wall_s": time.perf_counter() - self._began}
         if self._memory is not None:
             self._run.tables = self._memory.tables()
@@ -219,6 +224,9 @@ class Session:
         view, air = None, None
         try:
             air, view = environment.wind(t, truth), environment.observe(t, truth, rates)
+            if self._leaving is not None:
+                self._leaving.look(t, truth)
+                view = self._leaving.unseen(view)
         except Exception as error:
             self._end = termination.ended(termination.raised("deciding", error, self._count), t)
         flown = self._nominal, self._decision
@@ -262,12 +270,14 @@ class Session:
             return False
         self._nominal, self._decision, self._recorded = wanted, decision, recorded
         # The filter's own barrier values are the true ones only without disturbances and remedies.
-        true = filtered and now.view.state is now.state and made.valued is self._setting.barrier
-        true = true and now.view.known is None
+        seen = now.view.state is now.state and now.view.known is None
+        true = filtered and seen and made.valued is self._setting.barrier
         if self._buffer.full:
             self._recorder.look()
         air = self._still if now.air is None else now.air
-        self._buffer.add(now.t, now.state, now.rates, air, wanted, decision, true, recorded, telemetry, own)
+        here = now.t, now.state, now.rates, air, wanted, decision
+        gone = self._leaving.gone if self._leaving is not None and self._leaving.gone.any() else None
+        self._buffer.add(*here, true, recorded, telemetry, own, gone)
         return True
 
     def _stopped(self) -> Step:
@@ -285,10 +295,3 @@ class Session:
             raise ValueError(f"commands must be finite, got {commands}")
         if of is not None and (np.shape(of) != commands.shape or np.asarray(of).dtype != bool):
             raise ValueError(f"`of` is one truth value per vehicle, {commands.shape}, got {of!r}")
-
-
-def _keep_freed_memory() -> None:
-    """Keep memory that one step frees for the next; otherwise every large array is mapped again."""
-    # glibc keeps blocks up to the size of the largest mapped one ever freed, 32 MiB at most. With 100
-    # vehicles that halves the barrier's time; elsewhere it does nothing.
-    np.empty(31 << 20, dtype=np.uint8)

@@ -7,10 +7,12 @@ more calls than flying does. Nothing here influences the flight.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from filters.barriers.pairs import Barrier, PairValues, all_pairs
 from filters.filter import Decision
 from filters.model import Array, Command, State
+from filters.qp.single import Status
 
 # Numbers of one kind (pairs times FDM periods) in a buffer: more would not fit in the processor's cache.
 NUMBERS = 20_000
@@ -51,6 +53,8 @@ class StepBuffer:
         self.grad = np.empty((8, n, pairs))
         self.track = np.empty((n * periods, vehicles, 3))
         self.declared = np.empty((3, n, pairs)) if declared else None
+        # Who has left; None until somebody has.
+        self.gone: NDArray[np.bool_] | None = None
         self.telemetry: list[dict[str, Array]] = []
         self._known = np.empty(n, dtype=bool)  # whether h and grad are filled in
 
@@ -71,10 +75,12 @@ class StepBuffer:
         recorded: bool,
         telemetry: dict[str, Array],
         declared: Array | None = None,
+        gone: NDArray[np.bool_] | None = None,
     ) -> None:
         """Take in one step; `true` says that the decision's pairs are the unmodified barrier at `truth`.
 
         declared  (3, P), where the filter declares a barrier
+        gone      (N,) who has left; None if nobody has
         """
         k = self.count
         self.t[k], self.recorded[k], self._known[k] = t, recorded, true
@@ -93,6 +99,10 @@ class StepBuffer:
                 self.h[k], self.grad[:, k] = decision.pairs.h, decision.pairs.grad.T
         if self.declared is not None and declared is not None:
             self.declared[:, k] = declared
+        if gone is not None and self.gone is None:
+            self.gone = np.zeros((self.size, self.vehicles), dtype=bool)
+        if self.gone is not None:
+            self.gone[k] = False if gone is None else gone
         self.telemetry.append(telemetry)
         self.count += 1
 
@@ -111,6 +121,25 @@ class StepBuffer:
             self.h[steps] = values.h.reshape(steps.size, -1)
             self.grad[:, steps] = values.grad.T.reshape(8, steps.size, -1)
             self._known[steps] = True
+
+    def let_go(self) -> None:
+        """Take out of new steps what is said of who has left: h of their pairs is inf, no QP was solved."""
+        if self.gone is None:
+            return
+        new = slice(self.seen, self.count)
+        gone, apart = self.gone[new], self.apart()[new]
+        self.status[new][gone], self.override[new][gone] = int(Status.NONE), False
+        self.residual[new][gone] = 0.0
+        self.h[new][apart] = np.inf
+        self.filter_h[new][apart] = self.predicted[new][apart] = np.nan
+        if self.declared is not None:
+            self.declared[:, new][:, apart] = np.inf
+
+    def apart(self) -> NDArray[np.bool_]:
+        """(S, P) pairs of which one has left."""
+        assert self.gone is not None
+        gone = self.gone[: self.count]
+        return np.asarray(gone[:, self.i] | gone[:, self.j])
 
     def lie(self) -> Array:
         """L_g h of the true state over (v, omega, zeta): [vehicle i or j, entry, step, pair]."""
@@ -132,6 +161,15 @@ class StepBuffer:
             a[0] = a[last]
         if self.declared is not None:
             self.declared[:, 0] = self.declared[:, last]
+        if self.gone is not None:
+            self.gone[0] = self.gone[last]
         self.grad[:, 0], self._known[0] = self.grad[:, last], self._known[last]
         self.telemetry = self.telemetry[last:]
         self.count, self.seen, self.moved = 1, 1, 0
+
+
+def keep_freed_memory() -> None:
+    """Keep memory that one step frees for the next; otherwise every large array is mapped again."""
+    # glibc keeps blocks up to the size of the largest mapped one ever freed, 32 MiB at most. With 100
+    # vehicles that halves the barrier's time; elsewhere it does nothing.
+    np.empty(31 << 20, dtype=np.uint8)

@@ -14,7 +14,7 @@ from pathlib import Path
 from testbed.claims import registry
 from testbed.claims.monitored import MONITORED, OF_THE_FLOW
 from testbed.errors import UserError
-from testbed.verification import fleet
+from testbed.verification import departed, fleet
 from testbed.verification.columns import columns, ending
 from testbed.verification.coverage import Uncovered, uncovered
 from testbed.verification.fence_claims import Fenced, without_fences
@@ -53,7 +53,7 @@ def check(folder: Path) -> Checked:
     """As `verify`, with everything in the folder that no finding decided."""
     try:
         run = read(folder)
-        run = replace(run, scenario=fleet.lowered(run.scenario))
+        run = departed.marked(replace(run, scenario=fleet.lowered(run.scenario)))
         findings = list(_findings(run))
         return Checked(findings, uncovered(run, findings))
     except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
@@ -70,7 +70,11 @@ def _findings(run: Recorded) -> Iterator[Finding]:
         yield ending(run)
         yield from sorted(unflown(run), key=_place)
         return
+    if (found := departed.left(run)) is not None:
+        yield found
+    run = departed.filled(run)
     flown = fly_on(run.scenario, Pose(run.position, run.vehicles["theta_rad"]), run.i, run.j)
+    flown = departed.without(run, flown)
     pairs = Pairs(run, flown) if flown is not None and run.i.size else None
     rows, paths = Rows.of(run, pairs), PathBounds.of(run)
     fenced = Fenced(run, paths) if run.fences else None

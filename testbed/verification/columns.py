@@ -9,6 +9,7 @@ import numpy as np
 
 from testbed.verification import fleet
 from testbed.verification.air import all_gusts, wind
+from testbed.verification.departed import told
 from testbed.verification.finding import Finding, compared
 from testbed.verification.future import Pose
 from testbed.verification.guidance_columns import guidance
@@ -57,7 +58,7 @@ def _numbers(run: Recorded) -> Finding:
     channels = [run.channels(suffix) for suffix in ("", "_nominal", "_command")]
     due = {"poses": [run.position, run.vehicles["theta_rad"]], "rates and commands": channels}
     if run.i.size:
-        due["distances and h"] = [run.pairs["distance_m"], run.pairs["h_m"]]
+        due["distances and h"] = [run.pairs[name][~run.apart()] for name in ("distance_m", "h_m")]
     bad = [name for name, arrays in due.items() if not all(np.isfinite(a).all() for a in arrays)]
     said = ", ".join(bad)
     return Finding(
@@ -137,6 +138,7 @@ def _strays(run: Recorded, paths: PathBounds, velocity: Array, dt: Array) -> Arr
 def _override(run: Recorded) -> Iterator[Finding]:
     """The flag says whether the filter changed the command beyond what the limits force."""
     change = np.abs(run.command - np.clip(run.channels("_nominal"), *box(run.scenario))).max(axis=-1)
+    change = np.where(run.present, change, 0.0)
     said = run.vehicles["override"].astype(bool)
     wrong = (said != (change > OVERRIDE)) & (np.abs(change - OVERRIDE) > 1e-9)
     note = f"{int(wrong.sum())} flags differ" if wrong.any() else ""
@@ -193,7 +195,7 @@ def _plant(run: Recorded) -> Finding:
 def _pairs(run: Recorded, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
     table = run.pairs
     distance = np.linalg.norm(run.position[:, run.i] - run.position[:, run.j], axis=-1)
-    yield compared("distance_m", table["distance_m"], distance, ROUNDING)
+    yield compared("distance_m", told(run, table["distance_m"], distance), distance, ROUNDING)
     if pairs is None:
         yield Finding(
             "h_m",
@@ -205,13 +207,12 @@ def _pairs(run: Recorded, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
         )
         return
     now = pairs.now
-    yield compared("h_m", table["h_m"], now.h, now.off + 1e-9)
+    yield compared("h_m", told(run, table["h_m"], now.h), now.h, now.off + 1e-9)
     u_i, u_j = run.command[:, run.i], run.command[:, run.j]
     predicted, off = now.hdot(u_i, u_j)
     # A kink's gradient is any of many.
-    yield compared(
-        "hdot_predicted", table["hdot_predicted_mps"], predicted, off + 1e-9 * (1.0 + np.abs(predicted))
-    )
+    said = told(run, table["hdot_predicted_mps"], predicted)
+    yield compared("hdot_predicted", said, predicted, off + 1e-9 * (1.0 + np.abs(predicted)))
     yield _realised(run, pairs)
     yield from _residuals(run, pairs)
     yield _filters(run, rows)
@@ -226,15 +227,17 @@ def _filters(run: Recorded, rows: Rows) -> Finding:
     if rows.own is None:
         why = rows.seen if isinstance(rows.seen, str) else "verification does not cover this manoeuvre"
         return Finding("h_filter_m", f"{said.size} values", "unknown", None, None, why)
+    said = told(run, said, rows.own.h)
     if rows.apart is None:
         return compared("h_filter_m", said, rows.own.h, rows.own.off + 1e-9)
     # Of pairs that did not know of each other the filter had no h.
-    odd = int((np.isnan(said) != rows.apart).sum())
+    apart = rows.apart & ~run.apart()
+    odd = int((np.isnan(said) != apart).sum())
     if odd:
         words = f"{odd} values are there, or missing, of pairs whose range says otherwise"
         return Finding("h_filter_m", f"{said.size} values", "by range", False, None, words)
-    off = np.where(rows.apart, np.inf, rows.own.off + 1e-9)
-    return compared("h_filter_m", np.where(rows.apart, rows.own.h, said), rows.own.h, off)
+    off = np.where(apart, np.inf, rows.own.off + 1e-9)
+    return compared("h_filter_m", np.where(apart, rows.own.h, said), rows.own.h, off)
 
 
 def _realised(run: Recorded, pairs: Pairs) -> Finding:
@@ -246,7 +249,7 @@ def _realised(run: Recorded, pairs: Pairs) -> Finding:
         return Finding("hdot_realised", f"{said.size} values", "unknown", None, None, why)
     dt = run.scenario["rates"]["filter_dt_s"]
     own, off = (then.h - pairs.now.h[some]) / dt, (then.off + pairs.now.off[some] + 1e-9) / dt
-    return compared("hdot_realised", said[some], own, off)
+    return compared("hdot_realised", told(run, said[some], own, ahead=True), own, off)
 
 
 def _residuals(run: Recorded, pairs: Pairs) -> Iterator[Finding]:
@@ -268,5 +271,5 @@ def _residuals(run: Recorded, pairs: Pairs) -> Iterator[Finding]:
             off = off + pairs.now.lie_off[side, k, :-1] * np.abs(x[:, vehicle])
         # The heading's change is a difference of recorded angles.
         turn = np.abs(pairs.now.lie[:, k, :-1]).sum(axis=0) * 1e-12 / dt
-        said = run.pairs[f"residual_{name}_mps"][:-1]
+        said = told(run, run.pairs[f"residual_{name}_mps"][:-1], own, ahead=True)
         yield compared(f"residual_{name}", said, own, off + turn + 1e-9 * (1.0 + np.abs(own)))

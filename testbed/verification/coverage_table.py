@@ -81,6 +81,7 @@ VEHICLES = {
     "zeta_command_mps": _by("minimal", otherwise="the rows of the filter are not known"),
     "override": _by("override"),
     "qp_status": _by("qp_status"),
+    "left": _sometimes(_by("left")),
     **{name: _sometimes(checked) for name, checked in (AIRCRAFT | WIND).items()},
 }
 PAIRS = {
@@ -117,6 +118,7 @@ MANIFEST = {
     "override_share": _by("override_share", otherwise="not every filter step was recorded"),
     "qp_cost": _sometimes(_no("the solutions of the other QP are not recorded")),
     "declared": _sometimes(_by("entries")),
+    "left_s": _sometimes(_by("left")),
     "track_error": _sometimes(_by("track", otherwise="steps between recordings are not recorded")),
     "parts": _sometimes(_no("the user's own parts are named, not checked")),
     "files": _by("files"),
@@ -195,7 +197,8 @@ SCENARIO = {
     "airframes_folder": _no("where the airframes were found"),
     "sensors": _by("manifest", otherwise="no aircraft flies"),
     "d_safe_m": _by("h_m", "G1 separation"),
-    "goal_radius_m": _by("G7 goal"),
+    "goal_radius_m": _by("G7 goal", "left", otherwise="no vehicle has a goal"),
+    "goal.": _by("left", "nominal", otherwise="what the controller saw is not recorded"),
     "rates.fdm_dt_s": _no("steps of the flight dynamics are not recorded"),
     "rates.": _by("rows", "end"),
     **{

@@ -100,11 +100,12 @@ def _limits(rows: Rows, judge: Judge) -> Finding:
         # A command that is not finite ended the run, at an instant that need not be recorded.
         judge.expect("a command in what ended the run", ": command." in (run.ended or ""), True)
         return judge.done("not finite", open_=True)
-    share = inside(run.command, *box(rows.s))
+    share = np.where(run.present, inside(run.command, *box(rows.s)), np.inf)
     who = [[v + 1] for v in range(rows.s["vehicles"])]
     seen = Values.of(run.t, share, 1e-12, who, floor=None if run.complete else -np.inf)
     for k, name in enumerate(("v_mps", "omega_radps", "zeta_mps")):
-        low, high = float(run.rates[..., k].min()), float(run.rates[..., k].max())
+        seen_rates = run.rates[..., k][run.present]
+        low, high = float(seen_rates.min(initial=np.inf)), float(seen_rates.max(initial=-np.inf))
         said = e["detail"].get(f"achieved_{name}", [np.nan, np.nan])
         if not (said[0] <= low and said[1] >= high):
             judge.wrong.append(f"achieved {name} {low:.6g} to {high:.6g} are recorded")
@@ -120,7 +121,7 @@ def _stops(judge: Judge) -> None:
     for name in ("limited_v", "limited_omega", "limited_zeta", "throttle"):
         if name in held and name in judge.run.vehicles:
             x = judge.run.vehicles[name]
-            stopped = (x <= 0.01) | (x >= 0.99) if name == "throttle" else x > 0.5
+            stopped = ((x <= 0.01) | (x >= 0.99) if name == "throttle" else x > 0.5) & judge.run.present
             judge.expect_near(f"{name} at a stop", held[name], float(stopped.mean(axis=0).max()), 1e-9)
 
 

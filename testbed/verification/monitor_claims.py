@@ -92,9 +92,9 @@ def _values(rows: Rows, name: str) -> tuple[Array | None, Array | float, list[li
         return left, off, pair, rows.solved[:, run.i] & rows.solved[:, run.j], never
     inside, doubt = np.all(h >= 0.0, axis=1)[:, None], np.any(np.abs(h) <= h_off, axis=1)[:, None]
     if name == "solvable" and kind == "centralised":
-        return rows.solved.all(axis=1).astype(float)[:, None], 0.0, [[]], inside, doubt
+        return (rows.solved | ~run.present).all(axis=1).astype(float)[:, None], 0.0, [[]], inside, doubt
     if name == "solvable_limited" and kind == "limited":
         n = s["vehicles"]
         each = np.repeat(inside, n, axis=1), np.repeat(doubt, n, axis=1)
-        return rows.solved.astype(float), 0.0, [[v + 1] for v in range(n)], *each
+        return (rows.solved | ~run.present).astype(float), 0.0, [[v + 1] for v in range(n)], *each
     return None, 0.0, pair, never, never

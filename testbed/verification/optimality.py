@@ -29,7 +29,7 @@ def minimal(rows: Rows) -> Finding:
     run, s = rows.run, rows.s
     low, high = box(s)
     wanted = run.channels("_nominal")
-    change = np.abs(run.command - np.clip(wanted, low, high)).max(axis=-1)
+    change = np.where(run.present, np.abs(run.command - np.clip(wanted, low, high)).max(axis=-1), 0.0)
     said = f"{int((change > OVERRIDE).sum())} altered"
     if "filter" in run.parts:
         return Finding("minimal", said, "unknown", None, None, "the filter was not the scenario's")

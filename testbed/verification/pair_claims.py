@@ -12,6 +12,7 @@ from testbed.claims import registry
 from testbed.claims.registry import Claim
 from testbed.records.verdict import Status
 from testbed.verification import fleet
+from testbed.verification.departed import FAR, told
 from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.future import Flown, Pose, fly_on, manoeuvre
 from testbed.verification.recorded import Array, Recorded
@@ -160,6 +161,7 @@ class Pairs:
         else:
             value = (then.h - self.now.h[some]) / dt + self.alpha[some]
             off = (then.off + self.now.off[some] + H_ALLOWED) / dt + self.alpha_off[some]
+        value = told(self.run, value, np.full(value.shape, FAR), ahead=True)
         seen = Values.of(self.run.t[some], value, off, self.who, floor=self._unseen(floor))
         return judge.least(seen, -RATE_ALLOWED, lambda x: x >= -RATE_ALLOWED, empty=Status.PREMISE_NOT_MET)
 

@@ -38,7 +38,7 @@ class Passing:
     def of(cls, run: Recorded, paths: PathBounds, d_safe: float) -> Passing:
         if len(paths.t) < 2:
             return cls(float(paths.distance().min(initial=np.inf)), None, d_safe, [], 0.0, 0.0)
-        chords = paths.chords(paths.apart())
+        chords = paths.ways()
         if unicycle(run) and run.complete:
             return _on_arcs(run, chords, d_safe)
         radius = _bends(run, paths) if paths.whole else None

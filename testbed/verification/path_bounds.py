@@ -95,11 +95,28 @@ class PathBounds:
         pace = np.linalg.norm(np.diff(self.apart(), axis=0), axis=-1) / np.diff(self.t)[:, None]
         half = 0.5 * self.run.scenario["rates"]["fdm_dt_s"] * pace
         stray = self.stray[:, self.run.i] + self.stray[:, self.run.j]
-        return np.asarray(np.hypot(self.chords(self.apart()) + stray, half))
+        found = np.hypot(self.ways() + stray, half)
+        if self.run.left_s is not None:  # one may have left before they passed
+            found = np.where(self.run.apart()[1:][: len(found)], np.inf, found)
+        return np.asarray(found)
 
     def distance(self) -> Array:
-        """(S, P) m"""
-        return np.linalg.norm(self.track[:, self.run.i] - self.track[:, self.run.j], axis=-1)
+        """(S, P) m, of pairs that are both there"""
+        run, apart = self.run, self.gone_at(False)
+        found = np.linalg.norm(self.track[:, run.i] - self.track[:, run.j], axis=-1)
+        return found if apart is None else np.where(apart[:, run.i] | apart[:, run.j], np.inf, found)
+
+    def gone_at(self, between: bool) -> Array | None:
+        """(S, N) who had left before each step; or (S - 1, N) before each way between two. None: nobody."""
+        if self.run.left_s is None:
+            return None
+        return self.run.gone(self.t[:-1] if between else self.t - 2e-9)
+
+    def ways(self) -> Array:
+        """(S - 1, P) m: least distances of pairs that are both there, on straight lines between steps."""
+        run, apart = self.run, self.gone_at(True)
+        found = self.chords(self.apart())
+        return found if apart is None else np.where(apart[:, run.i] | apart[:, run.j], np.inf, found)
 
     def chords(self, to: Array) -> Array:
         """Least distance (S - 1, K) m from 0 of offsets `to` (S, K, 3) that change along straight lines."""

@@ -62,7 +62,7 @@ class PathClaims:
         if not run.i.size:
             return judge.nothing("nobody else")
         d_safe, distance = self.s["d_safe_m"], paths.distance()
-        chords = paths.chords(paths.apart())
+        chords = paths.ways()
         floor, ceiling = None, np.inf
         if not paths.whole:
             ceiling = float(paths.passing().min(initial=np.inf))
@@ -119,6 +119,8 @@ class PathClaims:
             judge.expect("value", said, None)
             return judge.done("no goal", None)
         distance = np.linalg.norm(self._to_goal, axis=-1)
+        if (gone := paths.gone_at(False)) is not None:
+            distance = np.where(gone, np.inf, distance)
         nearest = np.where(due, distance.min(axis=0), -np.inf)
         high = float(nearest.max())
         low = high
@@ -175,7 +177,7 @@ class PathClaims:
             judge.expect(name, e[name], None)
         low, high = box(self.s)
         wanted = np.clip(run.channels("_nominal"), low, high)
-        change = np.abs(run.command - wanted)
+        change = np.where(run.present[..., None], np.abs(run.command - wanted), 0.0)
         share = (change.max(axis=-1) > OVERRIDE).mean(axis=0)
         if not run.complete:
             return judge.done(f"about {share.max():.3g}", None, True)

@@ -29,6 +29,7 @@ class Recorded:
     i, j       (P,) vehicles of each pair, from 0
     changed    files whose checksum is not the manifest's, manifest and timing by their own
     timing     the wall time, which no verdict uses
+    left_s     (N,) s, when each left; inf for never; None where nobody leaves
     """
 
     manifest: dict[str, Any]
@@ -43,11 +44,28 @@ class Recorded:
     changed: list[str]
     timing: dict[str, Any]
     fences: dict[str, Array] = field(default_factory=dict)
+    left_s: Array | None = None
 
     @cached_property
     def guarantees(self) -> dict[str, dict[str, Any]]:
         """The entries by id."""
         return {e["id"]: e for e in self.entries}
+
+    def gone(self, t: Array) -> Array:
+        """(S, N) who has left by the times t (S,)."""
+        if self.left_s is None:
+            return np.zeros((len(t), self.scenario["vehicles"]), dtype=bool)
+        return np.asarray(t[:, None] >= self.left_s - 1e-9)
+
+    def apart(self, after: float = 0.0) -> Array:
+        """(T, P) pairs of which one has left, by so many seconds after the recorded instants."""
+        gone = self.gone(self.t + after)
+        return np.asarray(gone[:, self.i] | gone[:, self.j])
+
+    @property
+    def present(self) -> Array:
+        """(T, N) who has not left."""
+        return ~self.gone(self.t)
 
     @property
     def complete(self) -> bool:

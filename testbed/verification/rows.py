@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from testbed.verification import fleet
+from testbed.verification.departed import without
 from testbed.verification.fences import FenceRows, fence_rows
 from testbed.verification.filter_view import filter_view
 from testbed.verification.future import BLOCK, Flown, Future, Pose, fly_on, future, manoeuvre
@@ -68,12 +69,12 @@ class Rows:
             return None
         true = s["barrier"] == self.s["barrier"] and s["d_safe_m"] == self.s["d_safe_m"]
         same = true and self.seen.position is run.position
-        flown = self.pairs.now if same else fly_on(s, self.seen, run.i, run.j)
+        flown = self.pairs.now if same else without(run, fly_on(s, self.seen, run.i, run.j))
         if flown is not None and self.s["remedy"]["predict_lags"]:
             flown = replace(flown, off=flown.off + BLUR_M, lie_off=flown.lie_off + BLUR_M)
         if flown is None or s["barrier"]["gradient"] == "analytic":
             return flown
-        return _differenced(s, self.seen, run.i, run.j, flown, run.command)
+        return without(run, _differenced(s, self.seen, run.i, run.j, flown, run.command))
 
     @cached_property
     def fenced(self) -> FenceRows | None:
@@ -131,7 +132,7 @@ class Rows:
     @cached_property
     def answered(self) -> Array:
         """(T, N) whether a vehicle's QP was solved, or it is an intruder without one."""
-        return self.solved | ~fleet.under(self.s)
+        return self.solved | ~fleet.under(self.s) | ~self.run.present
 
     @cached_property
     def solved(self) -> Array:

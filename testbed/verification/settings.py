@@ -127,7 +127,12 @@ def nominal(s: Scenario, t: Array, pose: Pose, gamma: Array, complete: bool) -> 
     complete  whether these are all filter steps: only then the leg of a vehicle among waypoints is known
     """
     each, to = guidance_laws.tables(s), goals(s)
-    if any(table != each[0] for table in each) or each[0]["kind"] not in ("near-identity", "manoeuvre"):
+    circles = (s.get("goal") or {}).get("on_arrival") == "loiter"
+    if (
+        circles
+        or any(table != each[0] for table in each)
+        or each[0]["kind"] not in ("near-identity", "manoeuvre")
+    ):
         found = np.full((*pose.theta.shape, 3), np.nan)
         for k, table in enumerate(each):
             if table["kind"] == "manoeuvre":
@@ -136,6 +141,8 @@ def nominal(s: Scenario, t: Array, pose: Pose, gamma: Array, complete: bool) -> 
                 place = pose.position[:, k, 0] + 1j * pose.position[:, k, 1]
                 now = place, pose.position[:, k, 2], pose.theta[:, k]
                 found[:, k] = guidance_laws.wanted(s, k, table, t, now, to[k])
+        if circles:
+            _circle_goals(s, found, t, pose, gamma, complete)
         return found
     c = each[0]
     if c["kind"] == "manoeuvre":
@@ -144,6 +151,27 @@ def nominal(s: Scenario, t: Array, pose: Pose, gamma: Array, complete: bool) -> 
     ahead = np.exp(1j * pose.theta)
     wanted = (to[..., 0] + 1j * to[..., 1]) / ahead
     return np.stack([wanted.real, wanted.imag / c["lookahead_m"], to[..., 2]], axis=-1)
+
+
+def _circle_goals(s: Scenario, found: Array, t: Array, pose: Pose, gamma: Array, complete: bool) -> None:
+    """Put into `found` what vehicles want that circle their goal, from the step at which they are there."""
+    to, due, (low, high) = goals(s), seeking(s), box(s)
+    if not complete:
+        found[:, due] = np.nan
+        return
+    there = np.linalg.norm(pose.position - to, axis=-1) <= s["goal_radius_m"]
+    none = bool(s["barrier"].get("pairs"))
+    for k in np.flatnonzero(due & there.any(axis=0)):
+        first = int(np.argmax(there[:, k]))
+        v, turn = (low[k, 0], 0.0) if none else np.clip(gamma[k], low[k], high[k])[:2]
+        turn = turn if abs(turn) > 1e-9 else max(high[k, 1], 1e-6) / 2.0
+        table = guidance_laws.COMMON | {
+            "kind": "loiter", "centre_m": list(to[k, :2]), "radius_m": v / abs(turn), "speed_mps": v,
+            "sense": "left" if turn > 0 else "right", "height_m": to[k, 2], "approach_m": None,
+        }  # fmt: skip
+        place = pose.position[first:, k, 0] + 1j * pose.position[first:, k, 1]
+        now = place, pose.position[first:, k, 2], pose.theta[first:, k]
+        found[first:, k] = guidance_laws.wanted(s, int(k), table, t[first:], now, to[k])
 
 
 def filters_own(s: Scenario) -> Scenario:

@@ -38,7 +38,8 @@ def _statuses(rows: Rows) -> Finding:
     status = run.vehicles["qp_status"]
     known = ["solved", *FAILED] if rows.solves or s["filter"]["kind"] == "flow" else ["none"]
     known += ["none"] if "filter" in run.parts else []
-    odd = int((~np.isin(status, known))[:, fleet.under(s)].sum())
+    odd = int((~np.isin(status, known) & run.present)[:, fleet.under(s)].sum())
+    odd += int(((status != "none") & ~run.present).sum())
     failed, lost = np.isin(status, FAILED), 0
     if failed.any() and not s["barrier"].get("pairs") and not run.parts and not s["remedy"]["air_mass"]:
         gamma = np.clip(manoeuvre(s), *box(s))

@@ -15,7 +15,7 @@ function decode(deltas, step) {
 class Plant {
   constructor(raw, steps) {
     Object.assign(this, { name: raw.name, color: raw.color, dashed: raw.dashed, gamma: raw.gamma });
-    Object.assign(this, { critical: raw.critical, moments: raw.moments, ended: raw.ended, shown: true });
+    Object.assign(this, { critical: raw.critical, moments: raw.moments, ended: raw.ended, left: raw.left, shown: true });
     this.t = decode(raw.t, steps.t);
     this.end = this.t[this.t.length - 1];
     this.tracks = {};

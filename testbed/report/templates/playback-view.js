@@ -202,6 +202,7 @@ class PlanView {
   vehicles(plant, t, looked) {
     const c = this.context;
     for (let v = 1; v <= plant.count; v++) {
+      if (plant.left[v - 1] !== null && t >= plant.left[v - 1]) continue;
       const pose = plant.pose(v, t), [left, top] = this.px(pose.x, pose.y), marked = looked.includes(v);
       if (left < -20 || top < -20 || left > this.width + 20 || top > this.height + 20) continue;
       const size = marked ? 10 : 7;
