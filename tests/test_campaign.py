@@ -439,3 +439,18 @@ def test_a_finished_campaign_is_read_after_its_airframe_was_edited(
     capsys.readouterr()
     assert call("campaign", "resume", out) == 2
     assert "was begun with other files or gains of airframe wing; restore them" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("address", ["x", "", "tcp://", "foo://127.0.0.1:8786"])
+def test_an_address_that_is_none_makes_no_client(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A client of Dask's that fails over its address prints a trace when it is deleted, at the exit."""
+    import distributed
+
+    from testbed.campaigns.executor import executor
+
+    def client(*arguments: object, **options: object) -> None:
+        raise AssertionError("a client was made")
+
+    monkeypatch.setattr(distributed, "Client", client)
+    with pytest.raises(UserError, match=r"^--cluster .*(missing port|unknown address scheme)"):
+        executor(cluster=address)

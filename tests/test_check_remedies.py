@@ -151,6 +151,39 @@ def test_a_property_missing_from_a_condition_is_found_at_its_switch(folder: Path
     assert (found.rule, found.file, found.line) == ("property", X8, line + 1)
 
 
+@pytest.mark.parametrize(
+    ("path", "said", "remedy"),
+    [
+        (
+            "fcs/throttle-pos-norm",
+            "no angle in rad, by its last word norm",
+            "name the property of its position",
+        ),
+        ("velocities/vc-kts", "no surface: JSBSim keeps the state", "name the property of its position"),
+        ("attitude/phi-rad", "no surface: JSBSim keeps the state", "leave it out"),
+        (
+            "fcs/elevon-left-pos-deg",
+            "no angle in rad, by its last word deg",
+            'write "fcs/elevon-left-pos-rad"',
+        ),
+    ],
+)
+def test_a_surface_that_is_no_angle_is_found(folder: Path, path: str, said: str, remedy: str) -> None:
+    if path == "fcs/elevon-left-pos-deg":  # its own gain makes degrees of it
+        gain = '<pure_gain name="fcs/elevon-left-pos-deg"> <input>fcs/elevon-left-pos-rad</input>'
+        gain += "<gain>57.3</gain> </pure_gain>"
+        plant(
+            folder,
+            X8,
+            '<flight_control name="elevons">',
+            f'<flight_control name="elevons"><channel name="d">{gain}</channel>',
+        )
+    line = plant(folder, TOML, '"fcs/elevon-left-pos-rad"', f'"{path}"')
+    (found,) = [f for f in check(folder) if f.rule == "surface"]
+    assert (found.file, found.line) == (TOML, line), str(found)
+    assert f"surfaces.elevon_left_rad: {path} is {said}" in found.message and remedy in found.remedy
+
+
 def test_a_surface_that_stands_under_two_names_is_found(folder: Path) -> None:
     line = plant(folder, TOML, '"fcs/elevon-right-pos-rad"', '"fcs/elevon-left-pos-rad"')
     (found,) = check(folder)

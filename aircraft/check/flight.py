@@ -13,18 +13,17 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 from aircraft.airframes.files import Files, Finding, read_folder, toml_line
-from aircraft.airframes.references import declared
 from aircraft.autopilots.freshness import stale_feedforward, stale_lags
 from aircraft.autopilots.stability import instabilities
 from aircraft.autopilots.tuning import fly
 from aircraft.check.bench import Bench
 from aircraft.check.plausibility import PLAUSIBILITY
+from aircraft.check.surfaces import surfaces
 from aircraft.jsbsim.errors import FdmError, UnresolvedError
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import Origin
@@ -48,7 +47,7 @@ def findings(files: Files, stage: Callable[[str], None]) -> Iterator[Finding]:
         yield _loading(files, error)
         return
     manager = executive.get_property_manager()
-    if wrong := list(_surfaces(files, lambda path: manager.get_node(path) is not None)):
+    if wrong := list(surfaces(files, lambda path: manager.get_node(path) is not None)):
         yield from wrong
         return
     fdm = Fdm(files.airframe, 0.005, Origin())
@@ -92,23 +91,6 @@ def _mentions(files: Files, words: list[str]) -> tuple[str, int]:
                 if word in e.attributes.values() or word in e.text.split():
                     return file, e.line
     return files.model, files.trees[files.model].line
-
-
-def _surfaces(files: Files, exists: Callable[[str], bool]) -> Iterator[Finding]:
-    """Surfaces of airframe.toml that the model does not have, or that stand under two names."""
-    toml, surfaces = files.folder / "airframe.toml", files.airframe.surfaces
-    named: dict[str, str] = {}
-    for name, path in surfaces.items():
-        if (first := named.setdefault(path, name)) != name:
-            message = f"surfaces.{name}: {path} is already the property of surfaces.{first}"
-            where = toml_line(toml, f"surfaces.{name}")
-            yield Finding("surface", "error", toml.name, where, message, "name each surface's own property")
-        if not exists(path):
-            others = sorted(p for p in declared(files) - set(surfaces.values()) if "pos" in p and exists(p))
-            near = get_close_matches(path, others, 1, 0.5)
-            remedy = f"did you mean {near[0]}?" if near else "name the property of its position, in rad"
-            message = f"surfaces.{name}: the model has no property {path}"
-            yield Finding("surface", "error", toml.name, toml_line(toml, f"surfaces.{name}"), message, remedy)
 
 
 def _trims(files: Files) -> Iterator[Finding]:

@@ -55,6 +55,7 @@ class Cluster:
         timeout_s = TIMEOUT_S if timeout_s is None else timeout_s
         try:
             from distributed import Client
+            from distributed.comm import resolve_address
         except ImportError:
             raise UserError(
                 "--cluster: dask.distributed is not installed; pip install 'cbf-jsbsim-testbed[cluster]'"
@@ -65,6 +66,8 @@ class Cluster:
                 logging.getLogger(name).setLevel(logging.CRITICAL)
         self._address, self._counted = address, (-math.inf, 0)
         try:
+            # First alone: a client that is not made because of its address prints a trace when it is deleted.
+            resolve_address(address)
             self.client = Client(address, timeout=timeout_s, set_as_default=False)
         except OSError:
             raise UserError(

@@ -78,6 +78,7 @@ TESTS = [
     *("navigation", "qp", "qp_solvers", "robust", "robust_scenario", "rollout", "sensing", "step_buffer"),
     *("unicycle", "verification"),
     *("border", "between_samples", "blinded", "claims", "claims_signs", "parts", "session", "statistics"),
+    *("declared_rows", "randomness", "verification_no_steps"),
     *("verification_coverage", "verification_forged_claims", "verification_forged_tables"),
     *("campaign_file", "engines", "provenance", "stability", "trim"),
 ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import importlib
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable
@@ -179,7 +180,9 @@ def _traced(item: pytest.Item, paths: dict[str, str]) -> dict[str, Any]:
 
 
 def _living(root: Path, files: list[str]) -> dict[tuple[str, str], list[FunctionType]]:
-    """Every function object of the files, by file and qualified name."""
+    """Every function object of the files, by file and qualified name; all of them are imported first."""
+    for file in files:
+        importlib.import_module(file.removesuffix(".py").replace("/", "."))
     paths = {str(root / f): f for f in files}
     found: dict[tuple[str, str], list[FunctionType]] = defaultdict(list)
     for thing in gc.get_objects():

@@ -1,0 +1,79 @@
+"""What in a scenario the seed may change, field by field; and what is said where it changes nothing."""
+
+from __future__ import annotations
+
+import pytest
+
+from testbed.campaigns.distinct import check_random, counted, distinct_results
+from testbed.errors import UserError
+from testbed.scenario.randomness import random_fields
+from testbed.scenario.scenario import load
+
+# Overrides -> the fields that are named.
+RANDOM = {
+    ("lateral_perturbation_m=1",): ["start.lateral_perturbation_m"],
+    ("heading_perturbation_deg=1",): ["start.heading_perturbation_deg"],
+    ("height_perturbation_m=1",): ["start.height_perturbation_m"],
+    ("sensing.position_noise_m=1",): ["sensing.position_noise_m"],
+    ("sensing.position_bias_m=1",): ["sensing.position_bias_m"],
+    ("sensing.course_drift_deg=1",): ["sensing.course_drift_deg"],
+    ("network.loss=0.5",): ["network.loss"],
+    ("network.loss=0.01",): ["network.loss"],
+    ("plant=lagged", "gusts.intensity=light"): ["gusts"],
+    ("plant=lagged", "gusts.sigma_mps=1"): ["gusts"],
+    ("plant=jsbsim", "gusts.jsbsim_turbulence=light"): ["gusts.jsbsim_turbulence"],
+    ("remedy.air_mass=true", "wind.speed_mps=1", "gusts.intensity=light"): ["gusts"],
+    ("lateral_perturbation_m=1", "network.loss=0.5"): ["start.lateral_perturbation_m", "network.loss"],
+}
+STILL = [
+    (),
+    ("start.lateral_perturbation_m=0",),
+    ("network.loss=0",),
+    ("network.loss=1",),
+    ("plant=lagged",),
+    ("plant=lagged", "gusts.sigma_mps=0"),
+    ("plant=lagged", "wind.speed_mps=3"),
+    ("network.latency_s=0.1",),
+    ("sensing.delay_s=0.1",),
+]
+
+
+@pytest.mark.parametrize("overrides", RANDOM, ids=" ".join)
+def test_a_random_field_is_named(overrides: tuple[str, ...]) -> None:
+    assert random_fields(load("paper-2-turn", list(overrides))) == RANDOM[overrides]
+
+
+@pytest.mark.parametrize("overrides", STILL, ids=" ".join)
+def test_what_draws_nothing_is_not(overrides: tuple[str, ...]) -> None:
+    assert random_fields(load("paper-2-turn", list(overrides))) == []
+
+
+def test_gusts_move_no_unicycle_over_the_ground() -> None:
+    gusty = load("paper-2-turn", ["plant=lagged", "gusts.intensity=light"])
+    assert random_fields(gusty.model_copy(update={"plant": "unicycle"})) == []
+
+
+def test_seeds_that_change_nothing_are_refused_and_the_remedy_works() -> None:
+    still = load("paper-2-turn")
+    check_random(still, "a study", 1)
+    check_random(load("paper-2-turn", ["start.heading_perturbation_deg=5"]), "a study", 2)
+    said = (
+        "paper-2-turn: a study of 2 seeds, nothing random: every seed gives the same run; perturb the start,"
+        " for example --set start.heading_perturbation_deg=5"
+    )
+    with pytest.raises(UserError) as one:
+        check_random(still, "a study", 2)
+    assert str(one.value) == f"{said}, or fly one seed"
+    with pytest.raises(UserError) as many:
+        check_random(still, "a study", 2, one_will_do=False)
+    assert str(many.value) == said
+
+
+def test_results_are_counted_without_what_names_the_run() -> None:
+    rows = [{"seed": k, "rung": f"r{k}", "d": d} for k, d in enumerate((1.0, 1.0, 2.0))]
+    assert distinct_results(rows) == 3
+    assert distinct_results([{"seed": r["seed"], "d": r["d"]} for r in rows]) == 2
+    assert distinct_results(rows, without=("seed", "rung")) == 2
+    assert distinct_results(rows, without=("seed", "rung", "d")) == 1
+    assert counted(3, 3) == "3 runs, all distinct"
+    assert counted(3, 2) == "3 runs, only 2 distinct: intervals and tests take them for 3 independent ones"
