@@ -255,3 +255,15 @@ def test_a_single_vehicle_has_no_pair_to_promise_about() -> None:
     s = testbed.load_scenario("paper-2-turn", ["vehicles=1", "duration_s=0.1", "manoeuvre_instants=0"])
     run = testbed.run(s, parts=testbed.Parts(filter=Distance))
     assert {run.guarantee(c.id)["verdict"] for c in registry.OWN} == {"not applicable"}
+
+
+def test_a_baseline_remembers_what_the_filter_promises() -> None:
+    from testbed.regression.quantities import fly, job, quantities
+
+    s = testbed.load_scenario("paper-2-turn", NEAR)
+    row = fly(job(s, "own", {}, 1, testbed.Parts(filter=Distance)))
+    names = [q.name for q in quantities(s, own_filter=True)]
+    assert list(row) == names and len(names) == len(quantities(s)) + 6
+    assert row["own-safe-set lost"] == 0.0 and row["safe-set lost"] is None
+    run = flown(Distance)
+    assert row["own-condition"] == pytest.approx(run.guarantee("own-condition").value, rel=1e-5)

@@ -51,7 +51,7 @@ def test_it_imports_nothing_of_what_it_checks() -> None:
 
 @pytest.mark.parametrize("name", builtin())
 def test_it_agrees_with_every_built_in_scenario(name: str, tmp_path: Path) -> None:
-    made = run(load(name, SHORT), tmp_path / "run", force=True)
+    made = run(load(name, [*SHORT, "filter_dt_s=0.005"]), tmp_path / "run", force=True)
     findings = verify(tmp_path / "run")
     # The navigation function is a filter that is not computed again.
     left = {"minimal"} if "navigation" in name else set()

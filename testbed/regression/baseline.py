@@ -66,7 +66,7 @@ class Baseline:
 
     @property
     def quantities(self) -> list[Quantity]:
-        return quantities(self.scenario)
+        return quantities(self.scenario, "filter" in self.parts)
 
 
 def folder(root: Path, asked: Path | None = None) -> Path:
@@ -153,7 +153,8 @@ def parse_file(path: Path) -> Baseline:
             )
         s = parse(placed(data["scenario"]["flown"], path.parent), str(path), keep_idle=True)
         seeds, blocks = data["seeds"]["in_a_block"], data["seeds"]["blocks"]
-        names, rungs = [q.name for q in quantities(s)], data["rungs"]
+        own_filter = "filter" in data["history"][-1].get("parts", {})
+        names, rungs = [q.name for q in quantities(s, own_filter)], data["rungs"]
         table = {rung: data["quantities"][rung] for rung in rungs}
         if any(list(of) != names for of in table.values()):
             raise ValueError("its quantities are not those this program compares")

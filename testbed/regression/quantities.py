@@ -54,6 +54,7 @@ _JUDGED = (
     registry.COMMAND_LIMITS,
     registry.ROWS_SATISFIED,
 )
+_PROMISED = {claim: (-1, 0.01) for claim in registry.OWN}
 _TRACKING = {
     "speed": ("v_mps", "v_command_mps", 1.0, "m/s"),
     "turn-rate": ("omega_radps", "omega_command_radps", 180.0 / np.pi, "deg/s"),
@@ -67,17 +68,20 @@ _END = "flown to the end"
 DIGITS = 6
 
 
-def quantities(s: Scenario) -> list[Quantity]:
-    """All that is remembered of a run of `s`, in the order it is shown."""
+def quantities(s: Scenario, own_filter: bool = False) -> list[Quantity]:
+    """All that is remembered of a run of `s`, in the order it is shown.
+
+    own_filter  whether the filter is a user's own: then what it promises by its declaration is remembered too
+    """
     h = "m" if s.barrier.form == "root" else "m^2"
-    values = _values(s)
+    values = _values(s, own_filter)
     found = [
         Quantity(claim.id, claim.unit_of(s.barrier.form), worse, size)
         for claim, (worse, size) in values.items()
     ]
     found += [Quantity(f"{n} tracking", unit, +1, 0.01) for n, (*_, unit) in _TRACKING.items()]
     found += [Quantity(_ledger_name(part, q), f"{h}/s", -1, 0.01) for part, q in _LEDGER]
-    found += [Quantity(f"{claim.id} lost", "", +1, 0.0, verdict=True) for claim in _judged(s)]
+    found += [Quantity(f"{claim.id} lost", "", +1, 0.0, verdict=True) for claim in _judged(s, own_filter)]
     return [*found, Quantity(f"not {_END}", "", +1, 0.0, verdict=True)]
 
 
@@ -91,17 +95,20 @@ def job(s: Scenario, label: str, fields: Fields, seed: int, parts: Parts | None 
 def fly(job: Job) -> dict[str, float | None]:
     """Quantity -> its value, to six digits; None where the run has none, as one that ended early."""
     s = parse(json.loads(job.data) | {"seed": job.seed})
-    done = run(s, force=True, parts=job.own())
-    names = [q.name for q in quantities(s)]
+    parts = job.own()
+    own = parts is not None and "filter" in parts.own()
+    done = run(s, force=True, parts=parts)
+    names = [q.name for q in quantities(s, own)]
     if done.manifest["ended_early"]:
         return {n: 1.0 if n.endswith(" lost") or n == f"not {_END}" else None for n in names}
     verdicts = {v.id: v for v in done.guarantees}
-    row = {claim.id: verdicts[claim.id].value for claim in _values(s)}
+    # A filter that declares no barrier has no promise of its own.
+    row = {claim.id: verdicts[claim.id].value if claim.id in verdicts else None for claim in _values(s, own)}
     row |= _tracking(done, s.vehicles)
     quantiles = hdot_ledger.summary(done, _NEAR_H_M)["quantiles"]
     row |= {_ledger_name(part, q): quantiles[part][q] if quantiles else None for part, q in _LEDGER}
-    for claim in _judged(s):
-        status = verdicts[claim.id].status
+    for claim in _judged(s, own):
+        status = verdicts[claim.id].status if claim.id in verdicts else Status.NOT_APPLICABLE
         row[f"{claim.id} lost"] = (
             None if status is Status.NOT_APPLICABLE else float(status is not Status.HOLDS)
         )
@@ -109,14 +116,14 @@ def fly(job: Job) -> dict[str, float | None]:
     return {n: _rounded(row[n]) for n in names}
 
 
-def _judged(s: Scenario) -> tuple[registry.Claim, ...]:
+def _judged(s: Scenario, own_filter: bool) -> tuple[registry.Claim, ...]:
     """The claims whose statuses are compared."""
-    return (*_JUDGED, *(claim for claim in _values(s) if claim not in _VALUES))
+    return (*_JUDGED, *(claim for claim in _values(s, own_filter) if claim not in _VALUES))
 
 
-def _values(s: Scenario) -> dict[registry.Claim, tuple[int, float]]:
-    """The claims whose values are compared: of fences and intruders where there are some."""
-    more = _FENCED if s.fence else {}
+def _values(s: Scenario, own_filter: bool) -> dict[registry.Claim, tuple[int, float]]:
+    """The claims whose values are compared: of fences, intruders and a user's filter where there are some."""
+    more = (_FENCED if s.fence else {}) | (_PROMISED if own_filter else {})
     return _VALUES | more | (_BESIDE if fleet.intruders(s) else {})
 
 

@@ -62,13 +62,14 @@ def fly_rungs(
 
     parts  of the user's own, in every run
     """
-    chosen = list(seeds)
+    chosen, own_filter = list(seeds), "filter" in own_parts(s, parts)
     jobs = [job(s, rung, fields, seed, parts) for rung, fields in rungs.items() for seed in chosen]
     rows = fly_all(fly, jobs, workers, said=_said)
     found: Runs = {}
+    names = [q.name for q in quantities(s, own_filter)]
     for k, rung in enumerate(rungs):
         of = rows[k * len(chosen) : (k + 1) * len(chosen)]
-        found[rung] = {q.name: np.array([r[q.name] for r in of], dtype=float) for q in quantities(s)}
+        found[rung] = {name: np.array([r[name] for r in of], dtype=float) for name in names}
     return found
 
 
@@ -111,7 +112,9 @@ def record(
     if rungs is None:
         rungs = list(old.rungs) if old else [UNICYCLE, AIRCRAFT]
     chosen = rung_fields(s, rungs)
-    needed = seeds_needed(len(chosen) * len(quantities(s)))
+    own = own_parts(s, parts)
+    remembered = quantities(s, "filter" in own)
+    needed = seeds_needed(len(chosen) * len(remembered))
     n = seeds if seeds is not None else old.seeds if old else max(DEFAULT_SEEDS, needed)
     m = blocks if blocks is not None else old.blocks if old else DEFAULT_BLOCKS
     if n < needed:
@@ -122,12 +125,11 @@ def record(
         raise UserError(f"--blocks {m}: give at least 2, the spread over seeds is estimated from them")
     refuse_stale(s)
     check_random(s, "a baseline", n * m, one_will_do=False)
-    own = own_parts(s, parts)
     if old is not None:
         check_given(name, old.parts, own)
     runs = fly_rungs(s, chosen, range(1, n * m + 1), workers, parts)
     tolerances = {
-        rung: {q.name: tolerance(q, of[q.name], n) for q in quantities(s)} for rung, of in runs.items()
+        rung: {q.name: tolerance(q, of[q.name], n) for q in remembered} for rung, of in runs.items()
     }
     flown = s.model_copy(update={"plant": "jsbsim"})
     said: dict[str, Any] = {
