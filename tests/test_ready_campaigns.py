@@ -39,6 +39,6 @@ def test_late_sensors_differ_in_nothing_but_the_age_of_measurements():
     assert cells[0].data == cells[2].data and cells[1].data == cells[3].data
 
 
-@pytest.mark.parametrize("name", ["late-sensors", "slow-loops"])
+@pytest.mark.parametrize("name", ["late-sensors", "slow-loops", "finite-range"])
 def test_encounters_are_fresh(name):
     assert min(load_campaign(name)[0].seed_list) > 1000
