@@ -159,6 +159,20 @@ def test_without_a_solution_the_vehicle_flies_the_manoeuvre_and_says_so():
     assert decision.command.v.tolist() == [16.0, 20.0] and decision.residual[0] > 0
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_a_vehicle_has_no_row_beside_an_intruder_that_it_does_not_know(mode):
+    made = CollisionFilter(TURN, linear(1.0), mode=mode, intruders=Intruders(WHO, LIMITS))
+    for seed in range(10):
+        view, wanted = scene(seed)
+        known = np.ones((N, N), dtype=bool)
+        known[np.ix_((0, 2), WHO)] = False  # they know of the others, nobody of them
+        blind = View(view.state, view.rates, known)
+        assert {v for block in made.constraints(blind) for v in block.vehicles[0].tolist()} <= {0}
+        far = State.of(np.where(np.isin(range(N), WHO)[:, None], 1e5, view.state.array()))
+        alone = made(View(far, view.rates), wanted, LIMITS).command.array()
+        np.testing.assert_allclose(made(blind, wanted, LIMITS).command.array(), alone, atol=1e-6)
+
+
 def test_an_unknown_assumption_is_refused():
     with pytest.raises(ValueError, match="assume is 'keep-course' or 'nothing'"):
         Intruders((0,), LIMITS, "hope")  # type: ignore[arg-type]

@@ -190,7 +190,7 @@ class CollisionFilter:
             pairs = self.barrier.values(own.state)
         else:
             i, j = all_pairs(len(own.state))
-            met = own.joined(i, j)
+            met = own.joined(i, j) if self.intruders is None else self.intruders.met(own, i, j)
             pairs = self.barrier.values(own.state, i[met], j[met])
         rows = pair_rows(pairs, own.state, self.alpha)
         others = [block.known(own) for maker in self.also for block in maker(own)] if self.also else ()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from filters.constraints import Constraints, dot, taken
 from filters.filter import Decision
-from filters.model import Array, Command, Limits
+from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 
 Assumption = Literal["keep-course", "nothing"]
@@ -47,6 +47,11 @@ class Intruders:
         mask = np.zeros(len(self.limits), dtype=bool)
         mask[list(self.vehicles)] = True
         object.__setattr__(self, "mask", mask)
+
+    def met(self, view: View, i: NDArray[np.intp], j: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Whether of each pair (i, j) a vehicle under the filter knows of the other; of two intruders, either."""
+        ours = (view.knows(i, j) & ~self.mask[i]) | (view.knows(j, i) & ~self.mask[j])
+        return np.asarray(ours | (self.mask[i] & self.mask[j] & view.joined(i, j)))
 
     def drift(self, lie: Array, vehicle: NDArray[np.intp], rates: Array) -> Array:
         """L_g h w (R,) of what intruders `vehicle` (R,) are assumed to do.
