@@ -49,7 +49,7 @@ class Intruders:
         object.__setattr__(self, "mask", mask)
 
     def met(self, view: View, i: NDArray[np.intp], j: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Whether of each pair (i, j) a vehicle under the filter knows of the other; of two intruders, either."""
+        """Whether in each pair (i, j) one under the filter knows of the other; of two intruders, either."""
         ours = (view.knows(i, j) & ~self.mask[i]) | (view.knows(j, i) & ~self.mask[j])
         return np.asarray(ours | (self.mask[i] & self.mask[j] & view.joined(i, j)))
 
