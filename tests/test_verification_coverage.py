@@ -11,6 +11,7 @@ from testbed.errors import UserError
 from testbed.records.run import (
     AIRCRAFT_COLUMNS,
     DECLARED_COLUMNS,
+    FENCE_COLUMNS,
     PAIR_COLUMNS,
     VEHICLE_COLUMNS,
     WIND_COLUMNS,
@@ -105,6 +106,7 @@ def test_there_are_a_hundred_forgeries_and_more() -> None:
 def test_the_table_has_every_column_that_the_writer_knows() -> None:
     assert set(coverage_table.VEHICLES) == {*VEHICLE_COLUMNS, *AIRCRAFT_COLUMNS, *WIND_COLUMNS}
     assert set(coverage_table.PAIRS) == {*PAIR_COLUMNS, *DECLARED_COLUMNS}
+    assert set(coverage_table.FENCES) == set(FENCE_COLUMNS)
     assert {*coverage_table.FIELDS, "detail"} == set(Verdict.__annotations__) - {
         "kind", "instant", "status"
     } | {"t_s", "verdict"}  # fmt: skip
@@ -121,6 +123,7 @@ def folders(tmp_path: Path) -> Iterator[Path]:
             ["plant=lagged", "lags.source=table"],
             ["plant=jsbsim"],
             ["sensing.range_m=300"],
+            ['fence=[{kind="heights", floor_m=-50}]'],
         )
     ):
         yield Path(run(load("paper-2-turn", [*short, *more]), tmp_path / f"{k}").path or "")
@@ -139,7 +142,7 @@ def test_what_checks_an_item_is_a_finding_that_there_is(tmp_path: Path) -> None:
         seen |= {f.what for f in verify(folder)}
     tables = (
         coverage_table.VEHICLES, coverage_table.PAIRS, coverage_table.MANIFEST, coverage_table.SCENARIO,
-        coverage_table.FIELDS, coverage_table.TIMING, *coverage_table.DETAILS.values(),
+        coverage_table.FIELDS, coverage_table.TIMING, coverage_table.FENCES, *coverage_table.DETAILS.values(),
     )  # fmt: skip
     named = {what for table in tables for checked in table.values() for what in checked.by if what}
     assert named <= seen

@@ -115,27 +115,24 @@ class Fences:
         count = len(self._columns)
         h, grad = np.empty((*state.shape[:-1], count)), np.empty((4, *state.shape[:-1], count))
         for group in self._groups:
-            who = group.vehicles
-            many = len(who) * group.shape.count
-            into = slice(group.begin, group.begin + many)
-            e, z = ahead[..., who], state.z[..., who]
+            who, shape = group.vehicles, group.shape
+            into = slice(group.begin, group.begin + len(who) * shape.count)
+            e, z = ahead.take(who, axis=-1), state.z.take(who, axis=-1)
             if group.turning:
                 r = self._radius[who]
-                pieces = group.shape.of_circle(
-                    place[..., who] + 1j * r * e, np.broadcast_to(np.abs(r), z.shape), z
-                )
-                along = pieces.planar.real * e.real[..., None] + pieces.planar.imag * e.imag[..., None]
+                pieces = shape.of_circle(place.take(who, axis=-1) + 1j * r * e, np.abs(r), z)
+                along = (pieces.planar * e.conj()[..., None]).real
                 turn = -r[:, None] * along
             else:
-                pieces, flown = group.shape.of_ray(place[..., who], e, z)
-                across = pieces.planar.imag * e.real[..., None] - pieces.planar.real * e.imag[..., None]
-                turn = flown * across
-            shape = (*state.shape[:-1], many)
-            h[..., into] = pieces.h.reshape(shape)
-            grad[0, ..., into] = pieces.planar.real.reshape(shape)
-            grad[1, ..., into] = pieces.planar.imag.reshape(shape)
-            grad[2, ..., into] = turn.reshape(shape)
-            grad[3, ..., into] = np.broadcast_to(pieces.vertical, pieces.h.shape).reshape(shape)
+                pieces, flown = shape.of_ray(place.take(who, axis=-1), e, z)
+                turn = flown * (pieces.planar * e.conj()[..., None]).imag
+            rows = (*state.shape[:-1], -1)
+            h[..., into] = pieces.h.reshape(rows)
+            grad[0, ..., into] = pieces.planar.real.reshape(rows)
+            grad[1, ..., into] = pieces.planar.imag.reshape(rows)
+            grad[2, ..., into] = turn.reshape(rows)
+            vertical = pieces.vertical
+            grad[3, ..., into] = vertical if isinstance(vertical, float) else np.tile(vertical, len(who))
         return FenceRows(h, grad)
 
     def values(self, state: State) -> Array:

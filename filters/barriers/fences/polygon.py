@@ -29,6 +29,7 @@ class Polygon:
 
     corners: ArrayLike
     points: Complex = field(init=False, repr=False)
+    following: Complex = field(init=False, repr=False)  # (M,) the corner at which edge k ends
     along: Complex = field(init=False, repr=False)  # (M,) unit vector of each edge
     length: Array = field(init=False, repr=False)  # (M,) m, of each edge; edge k begins at corner k
 
@@ -44,8 +45,10 @@ class Polygon:
         _check_simple(corners)
         if _area(corners) < 0:
             corners = corners[::-1].copy()
-        edge = np.roll(corners, -1) - corners
+        following = np.roll(corners, -1)
+        edge = following - corners
         object.__setattr__(self, "points", corners)
+        object.__setattr__(self, "following", following)
         object.__setattr__(self, "length", np.abs(edge))
         object.__setattr__(self, "along", edge / self.length)
 
@@ -66,7 +69,7 @@ class Polygon:
     def contains(self, point: Complex) -> NDArray[np.bool_]:
         """Whether points (...) are inside; on the boundary either is said."""
         x, y = point.real[..., None], point.imag[..., None]
-        first, then = self.points, np.roll(self.points, -1)
+        first, then = self.points, self.following
         crosses = (first.imag > y) != (then.imag > y)
         # Where the edge is level it crosses nothing, and what the division gives is not used.
         rise = np.where(then.imag == first.imag, 1.0, then.imag - first.imag)
@@ -79,7 +82,7 @@ class Polygon:
         def left_of(origin: Complex, ahead: Complex, point: Complex) -> Array:
             return np.asarray(((point - origin) * ahead.conj()).imag)
 
-        a, b, here, there = self.points, np.roll(self.points, -1), first[..., None], last[..., None]
+        a, b, here, there = self.points, self.following, first[..., None], last[..., None]
         apart = left_of(a, self.along, here) * left_of(a, self.along, there) < 0
         astride = left_of(here, there - here, a) * left_of(here, there - here, b) < 0
         return np.asarray((apart & astride).any(axis=-1))

@@ -6,7 +6,7 @@ the smallest clearance on it, which depends on the circle's centre and radius al
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -23,7 +23,7 @@ class Pieces(NamedTuple):
 
     h         (..., M) m, the functions; their least is h
     planar    (..., M) complex: gradient over the circle's centre, or over the nearest point flown through
-    vertical  (..., M) or a number: gradient over the height
+    vertical  (M,) or a number: gradient over the height
     """
 
     h: Array
@@ -185,6 +185,8 @@ class Heights:
     floor: float
     ceiling: float
     margin: float = 0.0
+    _signs: Array = field(init=False, repr=False)  # of the ends that are finite, 1 for the floor
+    _offsets: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_margin(self.margin)
@@ -194,15 +196,13 @@ class Heights:
                 " each, leave no height"
             )
 
-    @property
-    def count(self) -> int:
-        return len(self._ends)
+        ends = [(sign, end) for sign, end in ((1.0, self.floor), (-1.0, self.ceiling)) if np.isfinite(end)]
+        object.__setattr__(self, "_signs", np.array([sign for sign, _ in ends]))
+        object.__setattr__(self, "_offsets", np.array([sign * end + self.margin for sign, end in ends]))
 
     @property
-    def _ends(self) -> list[tuple[float, float]]:
-        """Sign and height of each end that is finite."""
-        ends = ((1.0, self.floor), (-1.0, self.ceiling))
-        return [(sign, end) for sign, end in ends if np.isfinite(end)]
+    def count(self) -> int:
+        return len(self._signs)
 
     def clearance(self, point: Complex, height: Array) -> Array:
         """As `Shape.clearance`."""
@@ -214,9 +214,8 @@ class Heights:
 
     def of_circle(self, centre: Complex, radius: Array, height: Array) -> Pieces:
         """As `Shape.of_circle`."""
-        h = np.stack([sign * (height - end) - self.margin for sign, end in self._ends], axis=-1)
-        vertical = np.broadcast_to([sign for sign, _ in self._ends], h.shape)
-        return Pieces(h, np.zeros(h.shape, dtype=complex), vertical)
+        h = self._signs * height[..., None] - self._offsets
+        return Pieces(h, np.zeros(h.shape, dtype=complex), self._signs)
 
     def of_ray(self, point: Complex, ahead: Complex, height: Array) -> tuple[Pieces, Array]:
         """As `Shape.of_ray`."""
