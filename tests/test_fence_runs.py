@@ -214,6 +214,18 @@ def _unfenced(path):
     edit_manifest(path, scenario={name: value for name, value in s.items() if name != "fence"})
 
 
+def test_a_vehicle_that_has_left_is_not_judged_by_its_fences(tmp_path):
+    """It flies on straight through the fence behind its goal; the verification finds the same."""
+    near = '{kind="keep-in", polygon_m=[[-400,-240],[250,-240],[250,240],[-400,240]], vehicles=[1]}'
+    short = [*COARSE, "lookahead_m=10", "duration_s=25", "fdm_dt_s=0.05", f"fence=[{near}]"]
+    kept, left = flown(*short), flown(*short, 'goal.on_arrival="leave"', out=tmp_path / "left")
+    assert kept.vehicles.x_m.max() < 250 < left.vehicles.x_m.max()
+    assert left.guarantee("fence-clearance")["verdict"] == "holds"
+    gone = left.fences.t_s >= left.manifest["left_s"][0]
+    assert left.fences.clearance_m.isna().equals(gone)
+    assert [f.what for f in check(tmp_path / "left").findings if f.agrees is False] == []
+
+
 FORGED = {
     "a clearance": (lambda path: edit_cell(path, "fences", "clearance_m", 40, 0.01), {"clearance_m"}),
     "an h": (lambda path: edit_cell(path, "fences", "h_m", 41, 0.01), {"fence_h_m"}),

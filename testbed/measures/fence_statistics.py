@@ -84,5 +84,7 @@ class FenceStatistics:
         near = np.flatnonzero((low < np.minimum(self.between.value, least.min(axis=0))).any(axis=1))
         if near.size:
             ends = np.stack([at[near], at[near + 1]])
-            least[near] = self.fences.between(track[near], track[near + 1], ends)
+            found = self.fences.between(track[near], track[near + 1], ends)
+            # Who has left is far away at both ends.
+            least[near] = np.where(np.isposinf(ends[0]), np.inf, found)
         self.between.update(t, least)

@@ -10,7 +10,7 @@ import numpy as np
 
 from testbed.claims import registry
 from testbed.records.verdict import Status
-from testbed.verification.fences import FenceRows, combinations, fence_rows, fences
+from testbed.verification.fences import FAR, FenceRows, combinations, fence_rows, fences
 from testbed.verification.finding import Finding, Judge, Values, compared
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.pair_claims import H_ALLOWED, unicycle
@@ -44,7 +44,8 @@ class Fenced:
     def now(self) -> FenceRows:
         """The rows at the true poses."""
         run = self.run
-        return fence_rows(self.s, Pose(run.position, run.vehicles["theta_rad"]), manoeuvre(self.s))
+        rows = fence_rows(self.s, Pose(run.position, run.vehicles["theta_rad"]), manoeuvre(self.s))
+        return rows.without(run.gone(run.t))
 
     @cached_property
     def h(self) -> Array:
@@ -56,16 +57,23 @@ class Fenced:
         """Whether the start is outside the safe set."""
         return bool(self.h[0].min() < -H_ALLOWED)
 
-    def clearance(self, track: Array) -> Array:
-        """(S, K) m along a track (S, N, 3)."""
+    def clearance(self, track: Array, gone: Array | None) -> Array:
+        """(S, K) m along a track (S, N, 3), FAR of who has left, gone (S, N)."""
         listed = fences(self.s)
-        return np.stack([listed[k].clearance(track[:, v]) for k, v in self.who], axis=1)
+        found = np.stack([listed[k].clearance(track[:, v]) for k, v in self.who], axis=1)
+        return found if gone is None else np.where(gone[:, self.who[:, 1]], FAR, found)
 
     def table(self) -> Iterator[Finding]:
         """The recorded clearances and h."""
-        table = self.run.fences
-        yield compared("clearance_m", table["clearance_m"], self.clearance(self.run.position), ROUNDING)
-        yield compared("fence_h_m", table["h_m"], self.h, H_ALLOWED + self.now.off)
+        run, gone = self.run, self.run.gone(self.run.t)
+        for name, what, own, off in (
+            ("clearance_m", "clearance_m", self.clearance(run.position, gone), ROUNDING),
+            ("h_m", "fence_h_m", self.h, H_ALLOWED + self.now.off),
+        ):
+            said = run.fences[name]
+            # Nothing is said of who has left.
+            said = np.where(gone[:, self.who[:, 1]] & np.isnan(said), own, said)
+            yield compared(what, said, own, off)
 
     def findings(self) -> Iterator[Finding]:
         for claim, look in (
@@ -96,13 +104,14 @@ class Fenced:
 
     def _kept(self, judge: Judge) -> Finding:
         paths, e = self.paths, judge.entry
-        at = self.clearance(paths.track)
+        at = self.clearance(paths.track, paths.gone_at(False))
         values, who = self._by_vehicle(at)
         floor, ceiling = None, np.inf
         if not paths.whole:
             length = np.linalg.norm(np.diff(paths.track, axis=0), axis=-1)[:, self.who[:, 1]]
             stray = paths.stray[:, self.who[:, 1]]
-            low = 0.5 * (at[1:] + at[:-1] - length) - stray
+            last = np.where(at[1:] < FAR, at[1:], at[:-1] - length)  # who leaves in between flew no farther
+            low = 0.5 * (last + at[:-1] - length) - stray
             floor = float(min(low.min(initial=np.inf), at[-1].min() - paths.tail))
         if e["value"] is None:
             return judge.least(
@@ -140,12 +149,13 @@ class Fenced:
         if len(paths.t) < 2 or not paths.whole:
             return float(at.min()), None
         radius = self._bend()
-        low, found = np.inf, (np.inf, 0.0)
+        low, found, gone = np.inf, (np.inf, 0.0), paths.gone_at(True)
         for k, v in self.who:
             track = paths.track[:, v]
             first, last = track[:-1], track[1:]
             parts = (slice(p, p + BLOCK) for p in range(0, len(first), BLOCK))
-            least = float(min(listed[k].along_chords(first[p], last[p]).min() for p in parts))
+            lines = np.concatenate([listed[k].along_chords(first[p], last[p]) for p in parts])
+            least = float((lines if gone is None else np.where(gone[:, v], FAR, lines)).min())
             if least - radius[v] < low:
                 low, found = least - radius[v], (least, float(radius[v]))
         return found

@@ -6,7 +6,7 @@ that it leads through; a fence's h is that of the circle, edge by edge or corner
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -17,6 +17,8 @@ from testbed.verification.recorded import Array, fenced_vehicles
 
 # Instants of a turn that its circle is found from.
 INSTANTS = 8
+# h and clearance [m] of a vehicle that has left: larger than any, so that they are never the least.
+FAR = 1e9
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,11 @@ class FenceRows:
     def hdot(self, u: Array) -> Array:
         """L_g h u (T, R) under inputs (T, N, 3)."""
         return np.asarray(np.einsum("ktr,trk->tr", self.lie, u[:, self.vehicle]))
+
+    def without(self, gone: Array) -> FenceRows:
+        """The rows in which those of vehicles that have left, gone (T, N), are far away and bind nobody."""
+        apart = gone[:, self.vehicle]
+        return replace(self, h=np.where(apart, FAR, self.h), lie=np.where(apart, 0.0, self.lie))
 
     def least(self, who: Array) -> Array:
         """The least h (T, K) of each fence and vehicle, `who` (K, 2)."""

@@ -83,6 +83,7 @@ class Rows:
             return None
         s = filters_own(self.s)
         made = fence_rows(s, self.seen, manoeuvre(s), s["d_safe_m"] - self.s["d_safe_m"])
+        made = made.without(self.run.gone(self.run.t))
         if not self.s["remedy"]["predict_lags"]:
             return made
         return replace(made, off=made.off + BLUR_M, lie_off=made.lie_off + BLUR_M)
