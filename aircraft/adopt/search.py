@@ -18,6 +18,7 @@ _FINAL = 0.03
 _DISK = 0.8  # worst loop: quicker loops are not tried below
 _FASTER, _SLOWER = 1.35, 0.75
 _TURNS, _CLIMBS = (1.0, 3.2), (0.35, 1.3)  # of the formulas' bandwidth
+_LAGS = (1.0, 2.5, 5.0)  # of the models that errors are taken from, on what the formulas give
 _MOST_TRIES = 6
 _GAIN = 0.97  # a step that is not this much quicker is as quick as the aircraft is
 
@@ -53,8 +54,10 @@ def search(model: Model, near: Near, say: Callable[[str], None]) -> Scales:
         say("search: the share of side force that bank answers")
         scales = _best(model, "omega", near, [replace(scales, side=x) for x in (0.0, 0.25, 0.5)])
     say("search: turns")
+    scales = _best(model, "omega", near, [replace(scales, turn_lag=x) for x in _LAGS])
     scales = _quicker(model, scales, "omega", "turn", _TURNS, near)
     say("search: climbs")
+    scales = _best(model, "zeta", near, [replace(scales, climb_lag=x) for x in _LAGS])
     scales = _quicker(model, scales, "zeta", "climb", _CLIMBS, near)
     say("search: speed")
     return _quicker(model, scales, "v", "speed", (0.5, 2.5), near)
@@ -65,7 +68,7 @@ def _steps(model: Model, channel: str) -> list[Case]:
     mine = [c for c in cases(model.airframe) if c.channel == channel]
     if channel == "zeta":
         return [c for c in mine if c.command[2] > 0]
-    return [mine[0], mine[-1]] if channel == "omega" else mine[:2]
+    return [mine[0], mine[-1]]
 
 
 def _try(model: Model, scales: Scales, channel: str, near: Near) -> Tried:
