@@ -31,6 +31,7 @@ class Scales:
     pitch: float = 1.0  # feedback of angle of attack and pitch rate
     roll: float = 1.0  # feedback of bank and roll rate
     speed: float = 1.0  # bandwidth of speed
+    hold: float = 1.0  # feedback of speed
     side: float = 0.0  # share of the side force that bank answers
 
 
@@ -136,7 +137,7 @@ def _climb(t: Times, airframe: Gains, s: Scales) -> Gains:
 def _speed(t: Times, s: Scales) -> Gains:
     lag = max(t.thrust, 0.1)
     bandwidth = min(0.9 / lag, 3.2) * s.speed
-    feedback = min(0.55 / lag, 2.0)
+    feedback = min(0.55 / lag, 2.0) * s.hold
     return {
         "bandwidth_radps": bandwidth,
         "filter_s": max(0.75 * lag, 0.1),

@@ -90,12 +90,16 @@ def flown(
 
 
 def disk_margins(
-    airframe: Airframe, speeds: Iterable[float], near: Callable[[float], Trim | None], seconds: float = 20.0
+    airframe: Airframe,
+    speeds: Iterable[float],
+    near: Callable[[float], Trim | None],
+    seconds: float = 20.0,
+    loops_: Iterable[str] | None = None,
 ) -> dict[tuple[float, str], float]:
-    """The disk margin of every loop, measured by an impulse in flight; 0 where it does not die out."""
+    """The disk margin of every loop, or of `loops_`, measured by an impulse in flight; 0 where none is."""
     found = {}
     for v in speeds:
-        for loop in loops(airframe):
+        for loop in loops_ or loops(airframe):
             try:
                 measured = response(airframe, v, loop, duration=seconds, near=near(v))
                 value = margins(measured).disk

@@ -16,6 +16,7 @@ Near = Callable[[float], Trim | None]
 _OVERSHOOT = {"omega": 0.06, "zeta": 0.07, "v": 0.05}  # what a search is content with
 _FINAL = 0.03
 _DISK = 0.8  # worst loop: quicker loops are not tried below
+_HELD, _MOST_HELD = 0.75, 4  # disk margin of the throttle's loop, and how often its feedback is lowered
 _FASTER, _SLOWER = 1.35, 0.75
 _TURNS, _CLIMBS = (1.0, 3.2), (0.35, 1.3)  # of the formulas' bandwidth
 _LAGS = (1.0, 2.5, 5.0)  # of the models that errors are taken from, on what the formulas give
@@ -60,7 +61,12 @@ def search(model: Model, near: Near, say: Callable[[str], None]) -> Scales:
     scales = _best(model, "zeta", near, [replace(scales, climb_lag=x) for x in _LAGS])
     scales = _quicker(model, scales, "zeta", "climb", _CLIMBS, near)
     say("search: speed")
-    return _quicker(model, scales, "v", "speed", (0.5, 2.5), near)
+    scales = _quicker(model, scales, "v", "speed", (0.5, 2.5), near)
+    for _ in range(_MOST_HELD):
+        if _throttle_margin(model, scales, near) >= _HELD:
+            break
+        scales = replace(scales, hold=_SLOWER * scales.hold)
+    return scales
 
 
 def _steps(model: Model, channel: str) -> list[Case]:
@@ -117,6 +123,11 @@ def _cost(tried: Tried) -> float:
     if not math.isfinite(tried.t63):
         return math.inf
     return tried.overshoot + tried.error + 0.02 * tried.t63
+
+
+def _throttle_margin(model: Model, scales: Scales, near: Near) -> float:
+    airframe, s = model.with_scales(scales), model.airframe.speeds
+    return min(disk_margins(airframe, (s.v_min_mps, s.v_max_mps), near, loops_=("throttle",)).values())
 
 
 def _robust(model: Model, scales: Scales, near: Near) -> bool:
