@@ -294,6 +294,16 @@ def test_what_cannot_be_is_refused_in_one_line(data, said):
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
+def test_an_intruder_that_reaches_its_goal_agrees_with_the_verification(tmp_path):
+    """Its path and time are reported like those of the others, whether it stays or leaves."""
+    near = place(30.0, 90.0, 180.0, 0.0, 90.0, filter=False)
+    for k, more in enumerate(({}, {"goal": {"on_arrival": "leave"}})):
+        s = scenario(A, B, near, duration_s=1.0, checks={"manoeuvre_instants": 0}, **more)
+        flown = run(s, tmp_path / str(k))
+        assert flown.guarantee(registry.INTERVENTION.id)["detail"]["path_added_m"][2] is not None
+        assert not [f for f in verify(tmp_path / str(k)) if f.agrees is False]
+
+
 @pytest.mark.slow
 def test_a_crossing_intruder_on_aircraft_flies_what_it_wants_and_is_judged_apart(tmp_path):
     s = scenario(A, CROSSING, plant="jsbsim", duration_s=1.0, checks={"manoeuvre_instants": 0})

@@ -226,7 +226,7 @@ def _intervention(f: Flown, v: Verdict) -> Verdict:
     share = statistics.override_steps / max(1, statistics.filter_steps)
     worst = int(np.argmax(share))
     path = statistics.path - (f.straight - f.scenario.goal_radius_m)
-    path[~_seeking(f)] = np.nan
+    path[~guidance_rules.seeking(f.scenario)] = np.nan
     time = statistics.passed - (f.solo_time_s if f.solo_time_s is not None else np.nan)
     detail = {
         "altered_v_m": float(statistics.altered[:, 0].sum()),
