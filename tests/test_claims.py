@@ -19,7 +19,11 @@ ROOT = Path(__file__).parent.parent
 EVERY = (*registry.CLAIMS.values(), *MONITORED)
 # Words that are a claim's name and something else: a statistic, a field of scenarios, a check, a table.
 HOMONYMS = {
-    "goal": {"filters/rivals/navigation.py", "testbed/components/own_code/roles.py"},
+    "goal": {
+        "filters/rivals/navigation.py",
+        "testbed/components/own_code/roles.py",
+        "testbed/verification/settings.py",
+    },
     "separation": {"testbed/measures/run_statistics.py", "testbed/studies/paper/paper.py"},
     "gradient": {
         "filters/cbf/theorem_monitor.py",

@@ -94,7 +94,7 @@ def test_what_is_not_named_is_the_scenarios(own: Path) -> None:
         ([], {"filter": "none,none"}, "--filters: 'none' is listed twice"),
         ([], {"plant": ","}, "--plants: name at least one plant"),
         ([], {"guidance": "Ahead"}, "--guidance: there is no guidance 'Ahead'; there is near-identity"),
-        (["{own}:Bold"], {"filter": "Ahead"}, "navigation, none, Bold"),
+        (["{own}:Bold"], {"filter": "Ahead"}, "none, Bold"),
         (["{own}:Bold"], {"filter": "none"}, "--parts Bold: --filters does not name it; add it there"),
         ([], {"filter": "{own}:Ahead"}, "mine.py:Ahead: it is a guidance, not a filter"),
         ([], {"filter": "{own}:Nobody"}, "has no 'Nobody'"),
