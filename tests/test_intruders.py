@@ -299,7 +299,7 @@ def test_an_intruder_that_reaches_its_goal_agrees_with_the_verification(tmp_path
     near = place(30.0, 90.0, 180.0, 0.0, 90.0, filter=False)
     for k, more in enumerate(({}, {"goal": {"on_arrival": "leave"}})):
         s = scenario(A, B, near, duration_s=1.0, checks={"manoeuvre_instants": 0}, **more)
-        flown = run(s, tmp_path / str(k))
+        flown = run(s, tmp_path / str(k), force=True)
         assert flown.guarantee(registry.INTERVENTION.id)["detail"]["path_added_m"][2] is not None
         assert not [f for f in verify(tmp_path / str(k)) if f.agrees is False]
 
