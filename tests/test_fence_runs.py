@@ -1,6 +1,10 @@
 """Runs with fences: how they are said, refused, flown, judged, recorded; and what the verification finds."""
 
+import tomllib
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from filters.model import State
@@ -17,9 +21,11 @@ from testbed.report import figures, playback, run_part
 from testbed.report.style import drawing
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
+from testbed.statistics import rate_of
 from testbed.verification.check import check
 from tests.forgery import copied, differing, edit_cell, edit_entry, edit_manifest, entry, read, seal
 
+ROOT = Path(__file__).parent.parent
 FIELD = '{kind="keep-in", name="field", polygon_m=[[-300,-240],[300,-240],[300,240],[-300,240]]}'
 MAST = '{kind="keep-out", name="mast", centre_m=[40, 25], radius_m=20, margin_m=2, vehicles=[1]}'
 SHED = '{kind="keep-out", polygon_m=[[-90,-60],[-40,-70],[-60,-20]]}'
@@ -300,3 +306,18 @@ def test_baselines_and_the_falsifier_know_fences(call, capsys):
     assert row["fence-clearance"] > 0
     assert call("falsify", "paper-2-turn", "--guarantee", "fence-clearance") == 2
     assert "paper-2-turn has no [[fence]] table" in capsys.readouterr().err
+
+
+def test_the_guides_table_of_aircraft_is_that_of_the_runs_kept():
+    page = (ROOT / "docs/guide/fences.md").read_text(encoding="utf-8")
+    kept = pd.read_csv(ROOT / "docs/guide/data/fences-x8.csv", keep_default_na=False)
+    asked = tomllib.loads((ROOT / "testbed/campaigns/files/fences-x8.toml").read_text(encoding="utf-8"))
+    assert kept.remedy.unique().tolist() == asked["remedies"]
+    for name, of in kept.groupby("remedy"):
+        assert of.seed.tolist() == list(range(asked["first_seed"], asked["first_seed"] + asked["seeds"]))
+        assert ((of.verdict == "holds") == (of.clearance_m >= 0)).all()
+        rate = rate_of(int((of.verdict != "holds").sum()), len(of))
+        share = f"{100 * rate.low:.1f} to {100 * rate.high:.1f} %"
+        least, median = of.clearance_m.min(), of.clearance_m.median()
+        line = f"| {name} | {rate.count} of {rate.runs} | {share} | {least:.2f} m | {median:.2f} m |"
+        assert line in page
