@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import html
 import json
 import subprocess
 import sys
@@ -171,6 +172,9 @@ def test_a_campaign_is_the_same_on_processes_and_after_an_interruption(
     assert call("campaign", "status", "two") == 0 and "of 4 runs done" in capsys.readouterr().out
     own_code.write(here)
     assert call("campaign", "resume", "two", "--workers", 1, "--parts", "mine.py:Slow(share=0.9)") == 0
+    assert "Part of the user's own: filter mine.Slow(share=0.9) (mine.py, SHA-256 " in html.unescape(
+        Path("two/report.html").read_text(encoding="utf-8")
+    )
     one, two = ((here / name / "runs.parquet").read_bytes() for name in ("one", "two"))
     assert one == two
     rows = [json.loads(line)["row"] for line in (here / "one" / "journal.jsonl").read_text().splitlines()]

@@ -147,7 +147,7 @@ class _Jobs(Sequence[Job]):
 
     def _sent(self, run: Planned, data: dict[str, Any]) -> SentParts | None:
         # Of a cell all runs have the same parts, unless a draw changes a kind.
-        key = (run.cell, data["plant"], data["filter"]["kind"])
+        key = (run.cell, data["plant"], data["filter"]["kind"], data["guidance"]["kind"])
         if key not in self._known:
             s = scenario.parse(data, self._plan.campaign.name)
             self._known[key] = self._plan.sent(run, s)

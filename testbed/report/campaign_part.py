@@ -14,6 +14,7 @@ from testbed.claims.registry import GOAL, MANOEUVRE_KEEPS_DS, SEPARATION, SEPARA
 from testbed.records.verdict import Status
 from testbed.report import embed, settings
 from testbed.report.blocks import KEPT, LOST, OPEN, Block, Fact, Part, Picture, Section, Table, download
+from testbed.report.own_parts import of_campaign
 from testbed.report.style import drawing
 from testbed.statistics import Rate
 
@@ -58,6 +59,7 @@ def part(folder: Path, title: str) -> Part:
         f"Airframe {name} has changed since; these are the numbers of the earlier one."
         for name in changed_airframes(manifest.get("airframes") or {})
     ]
+    details += of_campaign(manifest)
     rows = [_row(c) for c in cells]
     tables: list[Block] = [
         Table(

@@ -22,6 +22,14 @@ def origins(manifest: Mapping[str, Any]) -> dict[str, str]:
     return {WORDS.get(part, part): _said(origin) for part, origin in manifest.get("parts", {}).items()}
 
 
+def of_campaign(manifest: Mapping[str, Any]) -> list[str]:
+    """A sentence for each part of the user's own that a campaign's cells name."""
+    return [
+        f"Part of the user's own: {of['role']} {_said(of['origin'])}."
+        for of in (manifest.get("parts") or {}).values()
+    ]
+
+
 def sentence(manifest: Mapping[str, Any]) -> str:
     """All of them in one sentence; "" if the run flew the scenario's parts only."""
     found = origins(manifest)
