@@ -128,9 +128,10 @@ class Contents(Section):
             if name in made and getattr(self, name) == type(self).model_fields[name].default:
                 del made[name]
         for (name, leaf), default in FIELDS_ABSENT_BY_DEFAULT.items():
-            known = type(getattr(self, name)).model_fields.get(leaf)
-            if known is not None and known.default == default == made[name][leaf]:
-                del made[name][leaf]
+            known, said = type(getattr(self, name)).model_fields.get(leaf), made.get(name, {})
+            # Without defaults, as a counterexample is written, neither table nor field may be there.
+            if known is not None and leaf in said and known.default == default == said[leaf]:
+                del said[leaf]
         return made
 
     @property
