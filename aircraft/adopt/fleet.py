@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from aircraft.adopt.command import adopted
-from aircraft.adopt.source import stock
-from aircraft.adopt.verdict import GOOD, REFUSED
+from aircraft.adopt.failures import AdoptionError
+from aircraft.adopt.source import stock, wheel
+from aircraft.adopt.verdict import GOOD, REFUSED, Verdict
 
 _COLUMNS = ("overshoot", "final_error", "disk_margin", "t63_omega_s", "t63_zeta_s", "t63_v_s")
 
@@ -25,7 +26,10 @@ def row(name: str) -> dict[str, Any]:
     """Adopt one stock aircraft into nowhere; what became of it, and the time [s]."""
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as nowhere:
-        verdict = adopted(name, Path(nowhere) / "adopted")
+        try:
+            verdict = adopted(name, Path(nowhere) / "adopted")
+        except AdoptionError as error:
+            verdict = Verdict(REFUSED, error.stage, (error.reason.replace(f"{wheel()}/", ""),), {})
     lasted = round(time.monotonic() - began, 1)
     return {
         "verdict": verdict.kind,

@@ -23,6 +23,10 @@ _STEPS = np.array([1e-3] * 3 + [1e-5] * 3 + [1e-4] * 3)
 _COMMAND_STEP = 1e-4  # of full deflection
 
 
+class NotFirstOrderError(FdmError):
+    """A surface follows its command by more than a first-order lag."""
+
+
 @dataclass(frozen=True)
 class Point:
     """Level flight, and the derivatives of the airframe there.
@@ -101,13 +105,13 @@ def actuator(airframe: Airframe, v: float, dt: float, path: str) -> tuple[float,
     moves = np.diff(rows, axis=0).T
     moves = moves[np.abs(moves).max(axis=1) > 1e-3 * _COMMAND_STEP]
     if not len(moves):
-        raise FdmError(f"{airframe.name}: no surface named in airframe.toml follows {path}")
+        raise NotFirstOrderError(f"{airframe.name}: no surface named in airframe.toml follows {path}")
     # x moves by g (1 - p) p^k after the part g direct that passes in the first period
     poles = np.where(np.abs(moves[:, 1]) > 1e-12, moves[:, 2] / np.where(moves[:, 1] == 0, 1, moves[:, 1]), 0)
     pole = float(poles[0])
     later = moves[:, 1:2] * pole ** np.arange(moves.shape[1] - 1)
     if np.abs(moves[:, 1:] - later).max() > 1e-3 * _COMMAND_STEP * np.abs(moves).max() / _COMMAND_STEP:
-        raise FdmError(
+        raise NotFirstOrderError(
             f"{airframe.name}: what follows {path} is no first-order lag; the linear model needs one"
         )
     whole = moves[0, 0] + moves[0, 1] / (1 - pole)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
-from aircraft.autopilots.linear_airframe import Point, actuator, differentiate
+from aircraft.autopilots.linear_airframe import NotFirstOrderError, Point, actuator, differentiate
 from aircraft.autopilots.linear_autopilot import LinearAutopilot, linearise, loops
 from aircraft.equations.catalogue import of_airframe
 
@@ -67,6 +67,17 @@ def linear_model(airframe: Airframe, v: float, dt: float = 0.005) -> Model:
     columns, totals = zip(*(advance(z, np.zeros(m)) for z in np.eye(n)), strict=True)
     inputs, _ = zip(*(advance(np.zeros(n), u) for u in np.eye(m)), strict=True)
     return Model(np.array(columns).T, np.array(inputs).T, np.array(totals).T, dt, tuple(names), point)
+
+
+def linear_or_none(airframe: Airframe, v: float, dt: float = 0.005) -> Model | None:
+    """The linear model at v [m/s]; None for an aircraft whose surfaces follow by more than a lag.
+
+    Raises  FdmError where the aircraft cannot fly level
+    """
+    try:
+        return linear_model(airframe, v, dt)
+    except NotFirstOrderError:
+        return None
 
 
 class _Advance:

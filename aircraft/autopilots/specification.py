@@ -10,7 +10,7 @@ import numpy as np
 
 from aircraft.airframes.schema import INVERTING, Airframe, Speeds
 from aircraft.autopilots.linear_autopilot import loops
-from aircraft.autopilots.linear_model import linear_model
+from aircraft.autopilots.linear_model import linear_or_none
 from aircraft.autopilots.margins import Margins, margins, model_response, response
 from aircraft.autopilots.stability import unstable_modes
 from aircraft.autopilots.tuning import Flight, Score, course_rate, fly, score
@@ -232,19 +232,20 @@ def margin_rows(
 ) -> list[Row]:
     """Margins of every loop at every trim speed, of the linear model; NaN where the closed loop is unstable.
 
-    The throttle's are measured in flight where the engine has a lag of its own.
+    The throttle's are measured in flight where the engine has a lag of its own, and all of them where a
+    surface follows its command by more than a first-order lag.
 
     unstable  speeds [m/s] at which a flight showed instability, whatever the linear model says
     """
     rows = []
     for v in airframe.speeds.trim_mps if speeds is None else speeds:
-        model = linear_model(airframe, v, dt)
-        stable = v not in unstable and not unstable_modes(model, v)
+        model = linear_or_none(airframe, v, dt)
+        stable = v not in unstable and (model is None or not unstable_modes(model, v))
         for loop in loops(airframe):
             found = _NO_MARGINS
-            if stable and loop == "throttle" and model.point.engine_lag:
+            if stable and (model is None or (loop == "throttle" and model.point.engine_lag)):
                 found = margins(response(airframe, v, loop, dt))
-            elif stable:
+            elif stable and model is not None:
                 found = margins(model_response(model, loop, _FREQUENCY))
             for name, bound in MARGINS.items():
                 rows.append(

@@ -11,7 +11,7 @@ import numpy as np
 
 from aircraft.airframes.schema import Airframe
 from aircraft.autopilots.linear_autopilot import loops
-from aircraft.autopilots.linear_model import linear_model
+from aircraft.autopilots.linear_model import linear_model, linear_or_none
 from aircraft.autopilots.margins import (
     Margins,
     Mode,
@@ -22,11 +22,19 @@ from aircraft.autopilots.margins import (
     modes,
     response,
 )
-from aircraft.autopilots.specification import Row, Step, flown, margin_rows, turbulence_rows
+from aircraft.autopilots.specification import (
+    CLIMB,
+    Row,
+    Step,
+    climb_rate,
+    flown,
+    margin_rows,
+    turbulence_rows,
+)
 from aircraft.autopilots.specification import steps_of as specified
 from aircraft.autopilots.stability import Instability, instabilities
 from aircraft.autopilots.tuning import Flight
-from aircraft.datasheets.envelope import Box, Corner, Limits, corners, envelope
+from aircraft.datasheets.envelope import Box, Corner, Limits, box_of, corners, envelope
 from aircraft.jsbsim.fdm import Fdm
 from aircraft.jsbsim.geodesy import M_PER_FT, Origin
 from aircraft.jsbsim.rest import Start
@@ -98,7 +106,7 @@ def describe(
     progress  called with what is computed next
     Raises    FdmError where the model cannot be flown
     """
-    box = box or Box(airframe.speeds.v_min_mps, airframe.speeds.v_max_mps)
+    box = box or box_of(airframe.speeds)
     progress("geometry and trim")
     sizes = geometry(airframe)
     trims = trim_rows(airframe, box)
@@ -110,9 +118,9 @@ def describe(
     found_loops, found_modes = [], {}
     for v in airframe.speeds.trim_mps:
         progress(f"modes and margins at {v:g} m/s")
-        model = linear_model(airframe, v)
-        found_modes[v] = modes(model.point)
-        if v not in shaky:
+        model = linear_or_none(airframe, v)
+        found_modes[v] = [] if model is None else modes(model.point)
+        if v not in shaky and model is not None:
             found_loops += [compare(airframe, v, loop) for loop in loops(airframe)]
     progress("steps")
     steps, rows = [], []
@@ -185,7 +193,8 @@ def measured(fdm: Fdm) -> dict[str, float]:
 def trim_rows(airframe: Airframe, box: Box) -> list[dict[str, float]]:
     """Steady flights over speed: level, climbing, sinking and in the box's turn; NaN where there is none."""
     speeds = airframe.speeds.trim_mps
-    found = trim_map(airframe, speeds, _CLIMBS_MPS) | trim_map(airframe, speeds, (0.0,), (box.omega,))
+    climbs = [climb * (climb_rate(airframe.speeds) / CLIMB) for climb in _CLIMBS_MPS]
+    found = trim_map(airframe, speeds, climbs) | trim_map(airframe, speeds, (0.0,), (box.omega,))
     rows = []
     for (v, zeta, omega), at in found.items():
         row = {"v_mps": v, "zeta_mps": zeta, "omega_degps": math.degrees(omega)}

@@ -10,7 +10,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from aircraft.airframes.schema import Airframe
+from aircraft.airframes.schema import Airframe, Speeds
+from aircraft.autopilots.specification import TURN
 from aircraft.autopilots.tuning import fly
 from aircraft.jsbsim.climbs import climb_range
 from aircraft.jsbsim.errors import FdmError
@@ -21,6 +22,7 @@ from aircraft.jsbsim.steady import Trim
 
 _DT_S = 0.005
 THROTTLE = "fcs/throttle-cmd-norm"
+_MOST_SPEEDS = 11
 # How near a command counts as flown, and for how long a corner is tried.
 NEAR = (0.5, math.radians(0.5), 0.3)  # m/s, rad/s, m/s
 TRIED_S = 60.0
@@ -34,6 +36,14 @@ class Box:
     v_max: float = 25.0
     omega: float = math.radians(13.0)  # rad/s, either way
     zeta: float = 3.9  # m/s, either way
+
+
+def box_of(speeds: Speeds) -> Box:
+    """The paper's box at an airframe's own speeds, with the turn and climb rates that it states."""
+    paper = Box()
+    omega = paper.omega if speeds.turn_radps is None else speeds.turn_radps * paper.omega / TURN
+    zeta = paper.zeta if speeds.climb_mps is None else speeds.climb_mps
+    return Box(speeds.v_min_mps, speeds.v_max_mps, omega, zeta)
 
 
 @dataclass(frozen=True)
@@ -198,8 +208,8 @@ def _corner(airframe: Airframe, bench: _Bench, box: Box, v: float, omega: float,
 
 
 def envelope(airframe: Airframe, box: Box, speeds: Sequence[float] | None = None) -> list[Limits]:
-    """`limits` at each of `speeds` [m/s], by default every metre per second the airframe is flown at."""
+    """`limits` at each of `speeds` [m/s], by default every metre per second flown at, eleven at most."""
     if speeds is None:
         low, high = airframe.speeds.v_min_mps, airframe.speeds.v_max_mps
-        speeds = np.linspace(low, high, max(2, round(high - low) + 1)).tolist()
+        speeds = np.linspace(low, high, min(_MOST_SPEEDS, max(2, round(high - low) + 1))).tolist()
     return [limits(airframe, v, box.omega) for v in speeds]
