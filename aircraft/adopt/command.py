@@ -61,11 +61,22 @@ def _in_process(name_or_path: str, made: Path, say: Callable[[str], None]) -> Ve
         tempfile.TemporaryFile("w+") as errors,
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as child,
     ):
-        timer = threading.Timer(LIMIT_S, child.kill)
+        late: list[bool] = []
+
+        def stop() -> None:
+            late.append(True)
+            child.kill()
+
+        timer = threading.Timer(LIMIT_S, stop)
         timer.daemon = True
         timer.start()
         try:
-            return _listen(child, say, errors)
+            verdict = _listen(child, say, errors)
+            if not late:
+                return verdict
+            return Verdict(
+                REFUSED, verdict.stage, (f"stopped after {LIMIT_S:g} s: try on an idle machine",), {}
+            )
         finally:
             timer.cancel()
             child.kill()

@@ -60,7 +60,8 @@ def table(rows: dict[str, dict[str, Any]]) -> str:
             numbers.append(", ".join(f"{t:.2f}" for t in times))
         said = "; ".join(r["remarks"]).replace("|", "/")
         said = f"{r['stage']}: {said}" if r["stage"] else said
-        lines.append(f"| {name} | {r['verdict']} | {' | '.join(numbers)} | {said} |")
+        mark = "*" if r.get("earlier") else ""
+        lines.append(f"| {name}{mark} | {r['verdict']} | {' | '.join(numbers)} | {said} |")
     return "\n".join([*lines, ""])
 
 
