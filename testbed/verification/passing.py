@@ -17,6 +17,10 @@ BETWEEN_M = 1e-9
 # Points of an arc that are looked at, twice: the second time around the nearest of the first.
 POINTS = 400
 
+# The run bends its first path from where the start was asked for, an aircraft is recorded where it was put:
+# a bound may be so much lower, never higher [m].
+START_M = 1e-4
+
 
 @dataclass(frozen=True)
 class Passing:
@@ -62,7 +66,7 @@ class Passing:
             return min(self.d_safe, self.least) - ROUNDING <= possible <= self.least + ROUNDING
         if np.isinf(self.radius):
             return possible == -np.inf
-        return bool(abs(possible - min(self.least - self.radius, value)) <= ROUNDING)
+        return -ROUNDING <= min(self.least - self.radius, value) - possible <= START_M
 
     def __str__(self) -> str:
         if self.radius is None:
