@@ -61,6 +61,7 @@ TABLES = {
     "run.vehicles": run.VEHICLE_COLUMNS,
     "of it, for aircraft only": run.AIRCRAFT_COLUMNS,
     "of it, in wind only": run.WIND_COLUMNS,
+    "of it, where vehicles may leave": run.LEFT_COLUMNS,
     "run.pairs": run.PAIR_COLUMNS,
     "of it, with a filter that declares a barrier only": run.DECLARED_COLUMNS,
     "run.fences, with fences only": run.FENCE_COLUMNS,

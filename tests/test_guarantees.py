@@ -194,7 +194,9 @@ def test_every_entry_has_the_same_fields_and_nothing_in_those_it_has_no_data_for
 
 def flown_alone() -> Flown:
     none = np.zeros(0, dtype=int)
-    return Flown(load("paper-2-turn"), good_statistics(1), none, none, True, None, np.full(1, 400.0))
+    return Flown(
+        load("paper-2-turn", ["vehicles=1"]), good_statistics(1), none, none, True, None, np.full(1, 400.0)
+    )
 
 
 def test_one_vehicle_has_no_pair_to_judge() -> None:
@@ -251,7 +253,17 @@ def test_a_pairs_entry_names_the_worst_pair_its_time_and_how_far_it_is_from_the_
         extreme.update(2.5, np.array([8.0, 8.0, 7.5]))
     statistics.between.value[:] = 7.25
     i, j = np.triu_indices(3, 1)
-    made = judge(Flown(load("paper-2-turn", ["d_safe_m=6"]), statistics, i, j, True, None, np.full(3, 400.0)))
+    made = judge(
+        Flown(
+            load("paper-2-turn", ["vehicles=3", "d_safe_m=6"]),
+            statistics,
+            i,
+            j,
+            True,
+            None,
+            np.full(3, 400.0),
+        )
+    )
     found = {g["id"]: g for g in made}
     for name, bound in (("separation", 6.0), ("safe-set", -1e-9), ("barrier-condition", -1e-3),
                         ("zcbf-condition", -1e-9), ("rows-satisfied", -1e-6)):  # fmt: skip

@@ -69,7 +69,7 @@ def test_a_remedy_that_never_helps_is_said_so() -> None:
     found = find(SCENARIO, "derate", 0.01, seeds=3, workers=1, measured=lambda job: answer(job, True))
     assert found.setting is None and not found.certified
     assert "no setting of derate up to 0.8 meets a rate of 0.01: the best, 0 share" in sentence(found)
-    assert sentence(found).endswith("loses 3 of 3")
+    assert "loses 3 of 3; every setting gave the same runs" in sentence(found)
 
 
 def test_luck_on_the_sweeps_seeds_is_not_a_certificate() -> None:

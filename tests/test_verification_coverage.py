@@ -12,6 +12,7 @@ from testbed.records.run import (
     AIRCRAFT_COLUMNS,
     DECLARED_COLUMNS,
     FENCE_COLUMNS,
+    LEFT_COLUMNS,
     PAIR_COLUMNS,
     VEHICLE_COLUMNS,
     WIND_COLUMNS,
@@ -104,7 +105,7 @@ def test_there_are_a_hundred_forgeries_and_more() -> None:
 
 
 def test_the_table_has_every_column_that_the_writer_knows() -> None:
-    assert set(coverage_table.VEHICLES) == {*VEHICLE_COLUMNS, *AIRCRAFT_COLUMNS, *WIND_COLUMNS}
+    assert set(coverage_table.VEHICLES) == {*VEHICLE_COLUMNS, *AIRCRAFT_COLUMNS, *WIND_COLUMNS, *LEFT_COLUMNS}
     assert set(coverage_table.PAIRS) == {*PAIR_COLUMNS, *DECLARED_COLUMNS}
     assert set(coverage_table.FENCES) == set(FENCE_COLUMNS)
     assert {*coverage_table.FIELDS, "detail"} == set(Verdict.__annotations__) - {
@@ -122,6 +123,8 @@ def folders(tmp_path: Path) -> Iterator[Path]:
             ["filter.monitor=true"],
             ["plant=lagged", "lags.source=table"],
             ["plant=jsbsim"],
+            ['goal.on_arrival="leave"'],
+            ['guidance={kind="track", rows=[[0, -200, 0, 0], [9, 0, 0, 0]]}'],
             ["sensing.range_m=300"],
             ['fence=[{kind="heights", floor_m=-50}]'],
         )

@@ -42,7 +42,11 @@ GainsOption = Annotated[
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="replace what an earlier run left there")]
 
 
-@app.command("list", epilog="Example: testbed aircraft list --json")
+@app.command(
+    "list",
+    short_help="The airframes that come with the testbed.",
+    epilog="Example: testbed aircraft list --json",
+)
 def list_(as_json: JsonOption = False) -> None:
     """The airframes that come with the testbed, each under its own autopilot and under the others."""
     from aircraft.airframe import load

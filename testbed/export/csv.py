@@ -12,6 +12,7 @@ from testbed.records.run import (
     AIRCRAFT_COLUMNS,
     DECLARED_COLUMNS,
     FENCE_COLUMNS,
+    LEFT_COLUMNS,
     PAIR_COLUMNS,
     VEHICLE_COLUMNS,
     WIND_COLUMNS,
@@ -46,7 +47,7 @@ def write(run: Run, folder: Path) -> list[Event]:
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n")
     known = {
-        "vehicles": VEHICLE_COLUMNS | AIRCRAFT_COLUMNS | WIND_COLUMNS,
+        "vehicles": VEHICLE_COLUMNS | AIRCRAFT_COLUMNS | WIND_COLUMNS | LEFT_COLUMNS,
         "pairs": PAIR_COLUMNS | DECLARED_COLUMNS,
         "fences": FENCE_COLUMNS,
         "events": EVENT_COLUMNS,

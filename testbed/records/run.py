@@ -56,6 +56,9 @@ WIND_COLUMNS: dict[str, tuple[str, str]] = {
     "wind_north_mps": ("m/s", "the same, north"),
     "wind_up_mps": ("m/s", "the same, up"),
 }
+LEFT_COLUMNS: dict[str, tuple[str, str]] = {
+    "left": ("", "it has left and is neither seen nor judged; only in runs whose vehicles may leave"),
+}
 PAIR_COLUMNS: dict[str, tuple[str, str]] = {
     "t_s": ("s", "time since the start"),
     "i": ("", "vehicle, counted from 1"),

@@ -12,12 +12,12 @@ import numpy as np
 
 from filters.model import Array, Command, State
 from testbed.components.border.contract import LARGEST, Contract, copy_of, locked
-from testbed.records.run import AIRCRAFT_COLUMNS, VEHICLE_COLUMNS, WIND_COLUMNS
+from testbed.records.run import AIRCRAFT_COLUMNS, LEFT_COLUMNS, VEHICLE_COLUMNS, WIND_COLUMNS
 
 # What a state may differ from the end of the track, and the start from what was asked: round-off and a trim.
 TRACK_M, START_M, START_RAD = 1e-6, 1e-3, 1e-3
 NEEDED = ("reset", "step", "state", "achieved", "telemetry", "faults")
-RECORDED = (VEHICLE_COLUMNS.keys() | WIND_COLUMNS.keys()) - AIRCRAFT_COLUMNS.keys()
+RECORDED = (VEHICLE_COLUMNS.keys() | WIND_COLUMNS.keys() | LEFT_COLUMNS.keys()) - AIRCRAFT_COLUMNS.keys()
 LONGEST_FAULT = 120
 
 
