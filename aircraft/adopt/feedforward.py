@@ -120,4 +120,5 @@ def _drag_by_lift(locals_: Sequence[Local]) -> tuple[float, float]:
 def _shared(controls: Controls) -> float:
     """Travel [rad] that elevator and aileron have together."""
     most = max(abs(controls.elevator.travel), abs(controls.aileron.travel))
-    return most if controls.shared else _SEPARATE * most + abs(controls.elevator.travel)
+    apart = min(_SEPARATE * most + abs(controls.elevator.travel), 1.57)  # as an angle may be
+    return most if controls.shared else apart
