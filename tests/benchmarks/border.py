@@ -68,6 +68,7 @@ def cost(vehicles: int, bare: BareStep) -> dict[str, float]:
     pairs = PairValues(i, j, np.ones(i.size), np.ones((i.size, 8)))
     nothing = zeros.astype(int), zeros, zeros.astype(bool), zeros
     decision = Decision(command, *nothing, pairs, np.ones(i.size))
+    plain = Decision(command, *nothing, None, np.zeros(0))
     raw = Answers(s, start, command, decision)
     parts = Parts(
         plant=lambda s, wind: raw,
@@ -77,6 +78,14 @@ def cost(vehicles: int, bare: BareStep) -> dict[str, float]:
     )
     maker = Maker(parts, parts.own(), s, barrier, goal, limits)
     view, still = View(start, command), np.zeros((vehicles, 3))
+    choose_plain = Maker(
+        Parts(filter=lambda s, b, goal: lambda view, nominal, limits: plain),
+        parts.own(),
+        s,
+        barrier,
+        goal,
+        limits,
+    ).filter()
     plant, air, choose, law = maker.plant(still), maker.environment({}), maker.filter(), maker.guidance()
     plant.reset(start, np.random.default_rng(1), still, np.full(vehicles, 20.0))
 
@@ -88,7 +97,8 @@ def cost(vehicles: int, bare: BareStep) -> dict[str, float]:
 
     through = {
         "plant": (flown(plant), flown(raw)),
-        "filter": (lambda: choose(view, command, limits), lambda: decision),
+        "filter": (lambda: choose_plain(view, command, limits), lambda: plain),
+        "filter with values of pairs": (lambda: choose(view, command, limits), lambda: decision),
         "guidance": (lambda: law(0.0, view), lambda: command),
         "environment": (known(air), known(raw)),
     }
