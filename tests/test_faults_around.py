@@ -10,12 +10,14 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import testbed
+from testbed.cli import interrupts
 from testbed.errors import UserError
 from testbed.records.store import staged
 from testbed.scenario.scenario import load
@@ -59,6 +61,27 @@ def test_a_run_killed_at_any_moment_is_absent_and_what_it_left_is_removed(tmp_pa
             testbed.load(tmp_path / "r")
     run(load("paper-2-turn", BRIEF), tmp_path / "r")
     assert os.listdir(tmp_path) == ["r"]
+
+
+def test_a_signal_inside_a_callback_is_not_lost_and_says_nothing_more(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)  # pytest has put its own there
+
+    class Thing:
+        pass
+
+    def command() -> None:
+        thing = Thing()
+        kept = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
+        del thing  # what the callback raises is dropped by the interpreter
+        time.sleep(30)
+        assert kept
+
+    with pytest.raises(SystemExit) as end:
+        interrupts.ending(command)
+    assert end.value.code == 128 + signal.SIGINT
+    assert capsys.readouterr().err == "stopped by SIGINT; nothing half-written is left\n"
 
 
 @pytest.mark.slow
@@ -177,6 +200,7 @@ def test_what_somebody_else_made_meanwhile_is_not_overwritten_and_ours_is_kept(t
 FILLING = """
 import json, os, resource, sys
 from pathlib import Path
+from testbed.cli import interrupts
 from testbed.errors import UserError
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run

@@ -63,6 +63,14 @@ def _listening() -> Iterator[None]:
         if not _handled():
             raise StoppedError(first)
 
+    said = sys.unraisablehook
+
+    def unraisable(lost: Any) -> None:
+        """Say what was lost, but for our own request, which is made again."""
+        if not isinstance(lost.exc_value, StoppedError):
+            said(lost)
+
+    sys.unraisablehook = unraisable
     with suppress(ValueError):  # not in the main thread, where no signal arrives either
         for number in SIGNALS:
             # Started with nohup, or in the background of a script: left ignored, as asked.
@@ -71,6 +79,7 @@ def _listening() -> Iterator[None]:
     try:
         yield
     finally:
+        sys.unraisablehook = said
         if first and _HAS_TIMER:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in before.items():
