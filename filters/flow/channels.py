@@ -102,8 +102,3 @@ class Motion:
         late = t - early
         gone = np.expm1(-late / constant)
         return np.asarray((y + 0.5 * rate * early) * early + goal * late + left * constant * gone)
-
-    def settled(self, tolerance: float) -> Array:
-        """After how long [s] each channel stays within `tolerance` of its goal."""
-        over = np.abs(self._left) / tolerance
-        return np.asarray(self.bounded + self._constant * np.log(np.maximum(over, 1.0)))

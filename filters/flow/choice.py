@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from filters.constraints import dot
 from filters.flow.separation import Rows
 from filters.model import Array
 from filters.qp.batch import solve_each
@@ -76,7 +77,7 @@ def choose(
     for _ in range(_CORRECTIONS):
         if (moved >= least).all():
             break
-        u = _solve(wanted, rows, slope, need + _dot(slope, at[rows.vehicle]))
+        u = _solve(wanted, rows, slope, need + dot(slope, at[rows.vehicle]))
         moved = exact(u)
         at, need = u, rows.least - moved
     ending[np.abs(u - wanted.clipped).max(axis=1) > _CHANGED] = Ending.SOLVED
@@ -100,7 +101,7 @@ def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array) -> Array:
     scaled = slope * scale[vehicle]
     box = wanted.target / scale, wanted.lower / scale, wanted.upper / scale
     for _ in range(_ROUNDS):
-        short = level - _dot(slope, u[vehicle])
+        short = level - dot(slope, u[vehicle])
         broken = np.flatnonzero((short > _CHANGED) & ~kept)
         if not broken.size:
             break
@@ -115,8 +116,3 @@ def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array) -> Array:
         )
         u = np.minimum(np.maximum(found * scale, wanted.lower), wanted.upper)
     return u
-
-
-def _dot(a: Array, b: Array) -> Array:
-    x, y, z = (a * b).T
-    return np.asarray(x + y + z)

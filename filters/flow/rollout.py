@@ -37,10 +37,6 @@ class Paths:
         """The paths at `index` of the first axis."""
         return Paths(self.at[index], self.z[index], self.centre[index], self.arm[index])
 
-    def circle(self, phase: Array) -> Complex:
-        """Positions (..., N, F) at phases (F,) rad after M dt."""
-        return np.asarray(self.centre[..., None] + self.arm[..., None] * np.exp(1j * phase))
-
 
 @dataclass(frozen=True, eq=False)
 class Begun:
@@ -100,7 +96,7 @@ class Flow:
         """
         c = self.channels
         moved = c.delay + self.dt
-        gap = np.maximum(np.abs(rates - self.gamma), 0.0) + 0.0 * moved
+        gap = np.abs(rates - self.gamma)
         slowest = np.minimum(c.fall, c.rise)
         bounded = np.maximum(gap / slowest - c.constant, 0.0)
         left = np.minimum(gap, slowest * c.constant)
