@@ -49,7 +49,9 @@ def scripted(job: Job) -> dict[str, Any]:
 
 @pytest.fixture
 def table():  # type: ignore[no-untyped-def]
-    return climb(default_starts(load("paper-2-turn")), SCRIPTED, 5, Journal(), workers=1, work=scripted)
+    return climb(
+        default_starts(load("paper-2-turn")), SCRIPTED, range(1, 6), Journal(), workers=1, work=scripted
+    )
 
 
 def test_known_interacting_lags_are_accounted_for_exactly(table: Any) -> None:
@@ -98,7 +100,7 @@ def test_a_scripted_plant_with_two_interacting_lags_is_accounted_for() -> None:
         Rung("a", (("lags.v_delay_s", 0.5),), "ideal"),
         Rung("b", (("lags.omega_delay_s", 0.25),), "ideal"),
     ]
-    found = account(climb(s, ladder, 1, Journal(), workers=1, work=lagging), ladder, "distance_m")
+    found = account(climb(s, ladder, range(1, 2), Journal(), workers=1, work=lagging), ladder, "distance_m")
     assert found.steps[0].value == pytest.approx(10.0)
     assert found.steps[1].difference.value == pytest.approx(-0.5)
     assert found.steps[2].alone.value == pytest.approx(-0.5)
@@ -148,9 +150,9 @@ def test_an_interrupted_climb_resumes_where_it_stopped(tmp_path: Path) -> None:
 
     s = default_starts(load("paper-2-turn"))
     with pytest.raises(KeyboardInterrupt), journal_beside(tmp_path / "l", "ladder") as book:
-        climb(s, SCRIPTED, 5, book, workers=1, work=fragile)
+        climb(s, SCRIPTED, range(1, 6), book, workers=1, work=fragile)
     with journal_beside(tmp_path / "l", "ladder") as book:
-        climb(s, SCRIPTED, 5, book, workers=1, work=counted)
+        climb(s, SCRIPTED, range(1, 6), book, workers=1, work=counted)
     assert len(flown) == len(set(flown)) == 4 * 5
     assert list(tmp_path.iterdir()) == []
 

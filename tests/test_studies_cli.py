@@ -9,6 +9,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from testbed.campaigns.job import Job
+from testbed.studies.answer.answer import table
+from testbed.studies.common.measure import measure
+
 QUICK = ["--set", "duration_s=1", "--seeds", "2", "--workers", "1"]
 
 
@@ -38,6 +42,32 @@ def test_remedies_fly_the_seeds_asked_for(tmp_path: Path, call: Callable[..., in
     assert table.n.tolist() == [2, 2] and (out / "remedies.png").is_file()
 
 
+@pytest.mark.parametrize("stopped_after", [1, 3])
+def test_an_answer_that_was_stopped_goes_on_and_ends_with_the_same_bytes(
+    tmp_path: Path, call: Callable[..., int], monkeypatch: pytest.MonkeyPatch, stopped_after: int
+) -> None:
+    asked = ["answer", "--airframes", "x8", "--vehicles", "2", "--only", "none", "--only", "lags, +0.5 m"]
+    asked += ["--seeds", "2", "--first-seed", "1001", "--workers", "1", "--set", "duration_s=0.1"]
+    assert call(*asked, "--out", tmp_path / "whole") == 0
+    flown = []
+
+    def stopping(job: Job) -> dict[str, object]:
+        if len(flown) == stopped_after:
+            raise KeyboardInterrupt
+        flown.append(job.seed)
+        return measure(job)
+
+    monkeypatch.setattr("testbed.studies.answer.answer.measure", stopping)
+    assert call(*asked, "--out", tmp_path / "parts") != 0
+    monkeypatch.undo()
+    assert call(*asked, "--out", tmp_path / "parts") == 0
+    for name in ("runs.csv", "answer.csv", "answer.md", "answer.json"):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
+    runs = pd.read_csv(tmp_path / "whole" / "runs.csv")
+    assert set(runs.seed) == {1001, 1002} and set(runs.remedy) == {"none", "lags, +0.5 m"}
+    pd.testing.assert_frame_equal(table(runs), pd.read_csv(tmp_path / "whole" / "answer.csv"))
+
+
 MISTAKES = {
     ("remedies", "paper-2-turn", "--only", "lags, bufer 1 m"): "did you mean lags, buffer 1 m",
     ("margin", "paper-2-turn", "--knob", "buffer"): "did you mean ds_buffer",
@@ -47,6 +77,8 @@ MISTAKES = {
     ("margin", "paper-2-straight", "--knob", "derate"): "a 'straight' barrier has no turn; try derate_speed",
     ("remedies", "paper-20-navigation"): "filter 'navigation' cannot take it",
     ("answer", "--vehicles", "3"): "--vehicles 3: give 2, 20 or 2,20",
+    ("answer", "--only", "lag, +0.5 m"): "unknown remedy; did you mean lags, +0.5 m",
+    ("answer", "--fleet-seeds", "0"): "--seeds 0: give at least 1",
 }
 
 

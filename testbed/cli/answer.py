@@ -12,6 +12,7 @@ from testbed.cli.common import (
     OutOption,
     OverwriteOption,
     SeedsOption,
+    SetOption,
     WorkersOption,
     count,
     show_study,
@@ -26,8 +27,17 @@ def answer(
         str, typer.Option("--airframes", help="airframes by name or folder, with commas between")
     ] = "x8,rascal",
     vehicles: Annotated[str, typer.Option("--vehicles", help="2, 20 or both")] = "2,20",
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="NAME", help="fly only this remedy; may be repeated")
+    ] = None,
+    set_: SetOption = None,
     out: OutOption = None,
     seeds: SeedsOption = 50,
+    fleet_seeds: Annotated[
+        int | None,
+        typer.Option("--fleet-seeds", help="seeds of fleets of 20; default a fifth of --seeds, at least 5"),
+    ] = None,
+    first_seed: Annotated[int, typer.Option("--first-seed", help="the seed of the first run")] = 1,
     workers: WorkersOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -42,4 +52,6 @@ def answer(
         raise UserError(f"--vehicles {unknown[0]}: give 2, 20 or 2,20")
     names = [a.strip() for a in airframes.split(",") if a.strip()]
     where = out or Path("runs") / "answer"
-    show_study(find(names, [fleets[v] for v in asked], count(seeds), where, workers, overwrite), as_json)
+    each = {2: count(seeds), 20: max(5, seeds // 5) if fleet_seeds is None else count(fleet_seeds)}
+    chosen = {fleets[v]: range(first_seed, first_seed + each[fleets[v]]) for v in asked}
+    show_study(find(names, chosen, where, workers, overwrite, only or [], set_ or []), as_json)

@@ -63,7 +63,10 @@ def compare(
         typer.Option("--ladder", help="climb the fidelity ladder instead: lags, 6-DOF, weather, network"),
     ] = False,
     seeds: Annotated[
-        int | None, typer.Option("--seeds", help="with --ladder: runs of each rung, from seed 1; default 20")
+        int | None, typer.Option("--seeds", help="with --ladder: runs of each rung; default 20")
+    ] = None,
+    first_seed: Annotated[
+        int | None, typer.Option("--first-seed", help="with --ladder: the seed of the first run; default 1")
     ] = None,
     autopilots: Annotated[
         bool,
@@ -89,7 +92,7 @@ def compare(
             if given is not None:
                 raise UserError(f"--{option}: the ladder's rungs have their own; leave it out")
         if seed is not None:
-            raise UserError("--seed: the ladder flies seeds from 1; say how many with --seeds")
+            raise UserError("--seed: the ladder flies several; say how many with --seeds")
         if force or not report:
             raise UserError("--force and --no-report: the ladder has neither; leave them out")
         from testbed.scenario.variants import load_base
@@ -97,13 +100,14 @@ def compare(
 
         s = load_base(scenario, set_)
         where = out or Path("runs") / f"{s.name}-{'autopilots' if autopilots else 'ladder'}"
-        number = count(20 if seeds is None else seeds)
-        show_study(climb(s, number, where, workers, overwrite, autopilots=autopilots), as_json)
+        lowest = 1 if first_seed is None else first_seed
+        chosen = range(lowest, lowest + count(20 if seeds is None else seeds))
+        show_study(climb(s, chosen, where, workers, overwrite, autopilots=autopilots), as_json)
         return
     if autopilots:
         raise UserError("--autopilots: rungs of a --ladder; give both")
-    if seeds is not None:
-        raise UserError("--seeds: only --ladder flies several; --seed N is one run's")
+    if seeds is not None or first_seed is not None:
+        raise UserError("--seeds and --first-seed: only --ladder flies several; --seed N is one run's")
     from testbed.report.tables import scorecard
     from testbed.studies.comparison.combinations import combinations
     from testbed.studies.comparison.comparison import compare as fly_all

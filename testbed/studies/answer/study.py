@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from testbed.campaigns.journal import journal_beside
 from testbed.components import catalogue
@@ -15,23 +16,37 @@ from testbed.studies.answer import answer as answers
 from testbed.studies.answer import figures, page
 from testbed.studies.common.found import Found
 
-if TYPE_CHECKING:
-    pass
-
 
 def answer(
-    airframes: list[str], vehicles: list[int], seeds: int, out: Path, workers: int | None, overwrite: bool
+    airframes: list[str],
+    vehicles: dict[int, range],
+    out: Path,
+    workers: int | None,
+    overwrite: bool,
+    only: Sequence[str] = (),
+    changes: Sequence[str] = (),
 ) -> Found:
-    """The central table: answer.csv, answer.md, figure. Fleets of 20 fly a fifth of the seeds, at least 5."""
+    """The central table: runs.csv (a row per run), answer.csv, answer.md, figure.
+
+    vehicles  numbers of vehicles, and the seeds of each
+    only      names of the remedies to fly; empty flies all
+    changes   of every scenario, as --set takes them
+    """
     check_free(out, overwrite)
-    made = answers.cases(airframes, vehicles)
-    each = {n: seeds if n == 2 else max(5, seeds // 5) for n in vehicles}
+    made = answers.cases(airframes, vehicles, only, changes)
     with journal_beside(out, "answer") as kept:
-        table = answers.answer(made, each, kept, workers)
+        runs = answers.answer(made, vehicles, kept, workers)
+        table = answers.table(runs)
         with reported(out, page.part, overwrite) as folder:
+            runs.to_csv(folder / "runs.csv", index=False)
             table.to_csv(folder / "answer.csv", index=False)
             (folder / "answer.md").write_text(answers.markdown(table), encoding="utf-8")
-            asked = {"seeds": {str(n): k for n, k in each.items()}, "versions": versions()}
+            asked: dict[str, Any] = {
+                "seeds": {str(n): [k[0], k[-1]] for n, k in vehicles.items()},
+                "versions": versions(),
+            }
+            if changes:
+                asked["set"] = list(changes)
             hashes = [catalogue.airframe_hashes(s) for s in made.values()]
             asked["airframes"] = {name: sha for of in hashes for name, sha in of.items()}
             write_json(folder / "answer.json", asked)

@@ -115,24 +115,24 @@ def alone(ladder: Sequence[Rung]) -> dict[str, tuple[Fields, Fields]]:
 def climb(
     s: Scenario,
     ladder: Sequence[Rung],
-    seeds: int,
+    seeds: range,
     book: Journal,
     workers: int | None = None,
     work: Callable[[Job], dict[str, Any]] = measure,
     parts: Parts | None = None,
 ) -> pd.DataFrame:
-    """Fly every rung, and every departure alone, from seeds 1 to `seeds`; one row per run.
+    """Fly every rung, and every departure alone, from all `seeds`; one row per run.
 
     parts  of the user's own, in every run; the rungs have their own plants
     Equal settings are flown once, and what `book` has not at all. UserError if nothing is random.
     """
     import pandas as pd
 
-    check_random(s, "a ladder", seeds)
+    check_random(s, "a ladder", len(seeds))
     wanted: dict[str, str] = {name: override(s, f) for name, f in cumulative(ladder).items()}
     for name, (without, with_) in alone(ladder).items():
         wanted[f"{name} off"], wanted[f"{name} alone"] = override(s, without), override(s, with_)
-    jobs = [job_of(name, data, seed, parts) for name, data in wanted.items() for seed in range(1, seeds + 1)]
+    jobs = [job_of(name, data, seed, parts) for name, data in wanted.items() for seed in seeds]
     rows = fly_rows(work, jobs, keys(jobs), book, workers, said)
     return pd.DataFrame(
         [row | {"rung": job.label, "seed": job.seed} for row, job in zip(rows, jobs, strict=True)]

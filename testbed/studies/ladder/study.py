@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def ladder(
     s: Scenario,
-    seeds: int,
+    seeds: range,
     out: Path,
     workers: int | None,
     overwrite: bool,
@@ -59,7 +59,7 @@ def ladder(
             for d, g in zip(distance.steps, h.steps, strict=True)
         ]
         how = ladders.methods((distance, h))
-        data = {"seeds": seeds, "rows": rows, "intervals": how} | {
+        data = {"seeds": len(seeds), "first_seed": seeds[0], "rows": rows, "intervals": how} | {
             a.quantity: {"total": vars(a.total), "interaction": vars(a.interaction)} for a in (distance, h)
         }
         with reported(out, page.part, overwrite) as folder:
@@ -69,7 +69,7 @@ def ladder(
             figures.ladder(table, distance, h, s.d_safe_m, folder)
     return Found(
         out,
-        f"{s.name}{flown_with(s, parts)}: the fidelity ladder, {seeds} seeds"
+        f"{s.name}{flown_with(s, parts)}: the fidelity ladder, {len(seeds)} seeds"
         " (mean, paired differences [95 % interval])",
         rows,
         [
