@@ -77,6 +77,7 @@ TESTS = [
     ),
     *("navigation", "qp", "qp_solvers", "robust", "robust_scenario", "rollout", "sensing", "step_buffer"),
     *("unicycle", "verification"),
+    *("contract", "border_plant", "border_filter", "border_others", "border_making"),
     *("border", "between_samples", "blinded", "claims", "claims_signs", "parts", "session", "statistics"),
     *("declared_rows", "randomness", "verification_no_steps"),
     *("verification_coverage", "verification_forged_claims", "verification_forged_tables"),
