@@ -44,7 +44,7 @@ def measure(quick: bool) -> dict[str, Any]:
             progress(f"filter step, {mode}, {k} vehicles")
             found[mode].append(steps.step_cost(k, mode, bare, moments, goes))
     progress("the border of own parts")
-    found["border"] = border.cost(2, bare)
+    found["border"] = border.cost(2)
     progress("filter steps beside a fresh OSQP per vehicle")
     found["fresh"] = steps.against_fresh_osqp(bare, 10 if quick else 100)
     found["split"] = []

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy import concatenate, ndarray, vdot
+from numpy import ndarray, vdot
 from numpy.typing import NDArray
 
 from filters.model import Array, Command, Limits, State, View
@@ -18,6 +18,8 @@ from testbed.errors import StoppedError
 LARGEST = 1e9
 FIELDS: dict[type, tuple[str, ...]] = {State: ("x", "y", "theta", "z"), Command: ("v", "omega", "zeta")}
 FLOAT, WHOLE, TRUTH = np.dtype(float), np.dtype(int), np.dtype(bool)
+# Up to so many numbers Python checks one by one quicker than numpy all at once.
+FEW = 16
 # Of an exception's own words, so many letters are quoted.
 QUOTED = 300
 
@@ -113,13 +115,18 @@ class Contract:
 
     def array(self, what: str, value: Any, shape: tuple[int, ...]) -> Array:
         """A read-only copy of numbers; Breach unless of that shape, real, finite and below LARGEST."""
-        if type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape:  # as always
+        if type(value) is ndarray and value.dtype is FLOAT and value.shape == shape:  # as always
             out: Array = value.copy()
         else:
             out = self._numbers(what, value, shape, "fiu").astype(float)
-        # A sum of squares shows at once that all are finite and small; vdot does not warn of overflow.
-        if not vdot(out, out) <= LARGEST:
-            self._check_each(what, out)
+        if out.size > FEW:
+            # A sum of squares shows at once that all are finite and small; vdot does not warn of overflow.
+            if not vdot(out, out) <= LARGEST:
+                self._check_each(what, out)
+        else:
+            for number in out.ravel().tolist():
+                if not -LARGEST <= number <= LARGEST:
+                    self._check_each(what, out)
         out.setflags(False)  # type: ignore[call-arg]
         return out
 
@@ -131,13 +138,13 @@ class Contract:
 
     def integers(self, what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.int_]:
         """A copy of whole numbers of that shape."""
-        if type(value) is np.ndarray and value.dtype is WHOLE and value.shape == shape:
+        if type(value) is ndarray and value.dtype is WHOLE and value.shape == shape:
             return value.copy()
         return self._numbers(what, value, shape, "iu").astype(int)
 
     def booleans(self, what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.bool_]:
         """A copy of truth values of that shape."""
-        if type(value) is np.ndarray and value.dtype is TRUTH and value.shape == shape:
+        if type(value) is ndarray and value.dtype is TRUTH and value.shape == shape:
             return value.copy()
         return self._numbers(what, value, shape, "b").astype(bool)
 
@@ -156,44 +163,44 @@ class Contract:
             raise self.breach(f"{what} has shape {found.shape}, not {shape}")
         return found  # type: ignore[no-any-return]
 
-    def fields(self, what: str, value: Any, kind: type[T], shape: tuple[int, ...]) -> tuple[T, float]:
-        """A read-only copy of a State or Command, finite or not, and the sum of its squares."""
+    def fields(self, what: str, value: Any, kind: type[T], shape: tuple[int, ...]) -> tuple[T, bool]:
+        """A read-only copy of a State or Command, and whether all is finite and at most LARGEST.
+
+        False may also mean that very many numbers are large: `check_finite` finds out.
+        """
         if not isinstance(value, kind):
             raise self.breach(f"{what} is {_a(value)}, not a {kind.__name__}")
         plain = type(value) is kind  # then its attributes are just that, and are taken quickly
-        said, columns, names = value.__dict__, [], FIELDS[kind]
-        for name in names:
-            column = said.get(name) if plain else self.call(what, getattr, value, name, None)
-            if type(column) is not ndarray or column.dtype is not FLOAT or column.shape != shape:
-                column = self._numbers(f"{what}.{name}", column, shape, "fiu").astype(float)
-            columns.append(column)
+        said, fine = value.__dict__, True
         made = object.__new__(kind)
         own = made.__dict__
-        if len(shape) == 1:
-            # Joining arrays end to end takes half of what stacking them takes.
-            n = shape[0]
-            out = concatenate(columns)
-            out.setflags(False)  # type: ignore[call-arg]
-            for k, name in enumerate(names):
-                own[name] = out[k * n : (k + 1) * n]
-        else:
-            out = np.array(columns)
-            out.setflags(False)  # type: ignore[call-arg]
-            for k, name in enumerate(names):
-                own[name] = out[k]
-        return made, vdot(out, out)
+        for name in FIELDS[kind]:
+            column = said.get(name) if plain else self.call(what, getattr, value, name, None)
+            if type(column) is ndarray and column.dtype is FLOAT and column.shape == shape:
+                column = column.copy()
+            else:
+                column = self._numbers(f"{what}.{name}", column, shape, "fiu").astype(float)
+            column.setflags(False)  # type: ignore[call-arg]
+            own[name] = column
+            if column.size > FEW:  # as in `array`
+                fine = fine and bool(vdot(column, column) <= LARGEST)
+            else:
+                for number in column.ravel().tolist():
+                    if not -LARGEST <= number <= LARGEST:
+                        fine = False
+        return made, fine
 
     def state(self, what: str, value: Any, shape: tuple[int, ...] | None = None) -> State:
         """A read-only copy of a State (N,), or of another shape; Breach unless it is one and finite."""
-        out, total = self.fields(what, value, State, shape or (self.vehicles,))
-        if not total <= LARGEST:
+        out, fine = self.fields(what, value, State, shape or (self.vehicles,))
+        if not fine:
             self.check_finite(what, out)
         return out
 
     def command(self, what: str, value: Any, shape: tuple[int, ...] | None = None) -> Command:
         """A read-only copy of a Command (N,), or of another shape; Breach unless it is one and finite."""
-        out, total = self.fields(what, value, Command, shape or (self.vehicles,))
-        if not total <= LARGEST:
+        out, fine = self.fields(what, value, Command, shape or (self.vehicles,))
+        if not fine:
             self.check_finite(what, out)
         return out
 

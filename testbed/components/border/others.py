@@ -67,9 +67,9 @@ class OwnFilter:
         d = contract.call("the call", self._choose, seen, wanted, self._limits)
         if not isinstance(d, Decision):
             raise contract.breach(f"it returned a {type(d).__name__}, not a Decision")
-        command, total = contract.fields("command", d.command, Command, n)
+        command, fine = contract.fields("command", d.command, Command, n)
         self.refused = None
-        if not total <= LARGEST:
+        if not fine:
             command = self._flyable(command)
         status = contract.integers("status", d.status, n)
         if not KNOWN.issuperset(status.tolist()):
@@ -175,11 +175,17 @@ class OwnFilter:
                 raise contract.breach(f"{what}.{name} are not those of all pairs i < j, in row order")
         if apart is None:
             h = contract.array(f"{what}.h", found.h, (count,))
-            return PairValues(self._i, self._j, h, contract.array(f"{what}.grad", found.grad, (count, 8)))
+            return self._pair_values(h, contract.array(f"{what}.grad", found.grad, (count, 8)))
         h, grad = (_where(apart, 0.0, values) for values in (found.h, found.grad))
         h = contract.array(f"{what}.h", h, (count,))
         grad = contract.array(f"{what}.grad", grad, (count, 8))
-        return PairValues(self._i, self._j, _where(apart, np.nan, h), _where(apart, np.nan, grad))
+        return self._pair_values(_where(apart, np.nan, h), _where(apart, np.nan, grad))
+
+    def _pair_values(self, h: Array, grad: Array) -> PairValues:
+        made = object.__new__(PairValues)  # as for Decision
+        own = made.__dict__
+        own["i"], own["j"], own["h"], own["grad"], own["known"] = self._i, self._j, h, grad, None
+        return made
 
 
 def _where(which: NDArray[np.bool_], value: float, values: Any) -> Any:

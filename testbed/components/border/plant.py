@@ -70,12 +70,11 @@ class OwnPlant:
         self._check_dt()
         track = contract.array("the track of step()", flown, (n, contract.vehicles, 3))
         self._look()
-        s = self._state
-        away = np.array((s.x, s.y, s.z))
-        away -= track[-1].T
-        if not np.vdot(away, away) <= TRACK_M**2 and np.abs(away).max() > TRACK_M:
-            off = np.abs(away).max()
-            raise contract.breach(f"state() is {off:.3g} m away from the end of the track of step()")
+        s, end = self._state, track[-1].T
+        if end.tolist() != [s.x.tolist(), s.y.tolist(), s.z.tolist()]:  # numpy takes twice as long for a few
+            off = np.abs(np.array((s.x, s.y, s.z)) - end).max()
+            if off > TRACK_M:
+                raise contract.breach(f"state() is {off:.3g} m away from the end of the track of step()")
         return track
 
     def _look(self) -> None:
