@@ -52,6 +52,13 @@ class Sensors:
         return any(getattr(self, f.name) for f in fields(self) if "_noise_" in f.name)
 
 
+def silent(table: Mapping[str, float | str]) -> dict[str, float | str]:
+    """The same [sensors] without noise and dead band, under which what decays can be seen to decay."""
+    made = sensors_of(table)
+    off = [f.name for f in fields(made) if "_noise_" in f.name or "_dead_band_" in f.name]
+    return {**table, **{name: 0.0 for name in off if getattr(made, name)}}
+
+
 PRESETS = {
     "perfect": Sensors(),
     "typical": Sensors(

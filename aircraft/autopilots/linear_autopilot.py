@@ -18,6 +18,10 @@ from aircraft.equations.language import PERIOD
 Array = NDArray[np.float64]
 
 
+# The commands that an autopilot is given, as its equations name them.
+COMMANDS = ("v_cmd_mps", "omega_cmd_radps", "zeta_cmd_mps")
+
+
 def loops(airframe: Airframe) -> dict[str, str]:
     """Plant inputs that the autopilot drives and that have a probe: name -> JSBSim property."""
     mine = of_airframe(airframe)
@@ -28,13 +32,19 @@ def loops(airframe: Airframe) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class LinearAutopilot:
-    """memory' = a memory + b used + e probe; command = c memory + d used + probe."""
+    """memory' = a memory + b used + e probe + f asked; sent = c memory + d used + g asked + probe.
 
+    `asked` is COMMANDS, `sent` the plant inputs; names are those of `memory`.
+    """
+
+    names: tuple[str, ...]
     a: Array
     b: Array
     e: Array
+    f: Array
     c: Array
     d: Array
+    g: Array
 
 
 def _interp(x: Any, *knots: Any) -> Any:
@@ -88,7 +98,7 @@ def linearise(
     """The equations' derivatives around `memory`, by central differences, all columns in one evaluation."""
     assigned, used = of_airframe(airframe).assigned(), list(of_airframe(airframe).uses)
     probes = [f"{name}_probe" for name in names]
-    columns = [*assigned, *used, *probes]
+    columns = [*assigned, *used, *probes, *COMMANDS]
     centre = np.array([memory[n] for n in columns])
     steps = 1e-6 * np.maximum(np.abs(centre), 1e-2)
     if "dt" in used:
@@ -102,12 +112,16 @@ def linearise(
     spread = np.array([np.broadcast_to(after[o], 2 * n) for o in outputs])
     jacobian = (spread[:, :n] - spread[:, n:]) / (2 * np.where(steps == 0, 1.0, steps))
     s, u = len(assigned), len(assigned) + len(used)
+    p = u + len(probes)
     # Only what is read before it is assigned is memory.
     kept = np.flatnonzero(np.any(jacobian[:, :s] != 0, axis=0))
     return LinearAutopilot(
+        tuple(assigned[k] for k in kept),
         jacobian[np.ix_(kept, kept)],
         jacobian[kept, s:u],
-        jacobian[kept, u:],
+        jacobian[kept, u:p],
+        jacobian[kept, p:],
         jacobian[s:][:, kept],
         jacobian[s:, s:u],
+        jacobian[s:, p:],
     )

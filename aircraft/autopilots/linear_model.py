@@ -16,8 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
-from aircraft.autopilots.linear_airframe import NotFirstOrderError, Point, actuator, differentiate
-from aircraft.autopilots.linear_autopilot import LinearAutopilot, linearise, loops
+from aircraft.autopilots.linear_airframe import (
+    STATES,
+    NotFirstOrderError,
+    Point,
+    actuator,
+    differentiate,
+)
+from aircraft.autopilots.linear_autopilot import COMMANDS, LinearAutopilot, linearise, loops
 from aircraft.equations.catalogue import of_airframe
 
 Array = NDArray[np.float64]
@@ -30,10 +36,11 @@ _TWICE_OLD = ("accelerations/N",)
 
 @dataclass(frozen=True)
 class Model:
-    """x[k+1] = a x[k] + b probe[k], total[k] = c x[k] + probe[k], every dt seconds; all loops closed.
+    """x[k+1] = a x[k] + b probe[k] + e asked[k], total[k] = c x[k] + f asked[k] + probe[k], every dt seconds.
 
-    `total` is what the autopilot sends to the plant inputs `loops`, the probe included. `point` is the
-    airframe alone, in continuous time.
+    All loops are closed. `total` is what the autopilot sends to the plant inputs `loops`, the probe
+    included; `asked` is the commands (v, omega, zeta). `point` is the airframe alone, in continuous time;
+    `states` names what x consists of.
     """
 
     a: Array
@@ -42,6 +49,9 @@ class Model:
     dt: float
     loops: tuple[str, ...]
     point: Point
+    e: Array
+    f: Array
+    states: tuple[str, ...]
 
     def loop(self, name: str) -> tuple[Array, Array, Array]:
         """(a, b, c) of the loop broken at plant input `name`, negative feedback, the others closed.
@@ -64,9 +74,12 @@ def linear_model(airframe: Airframe, v: float, dt: float = 0.005) -> Model:
     autopilot = linearise(airframe, point.memory, dt, tuple(names))
     advance = _Advance(point, autopilot, list(of_airframe(airframe).uses.values()), poles, direct, dt)
     n, m = advance.size, len(names)
-    columns, totals = zip(*(advance(z, np.zeros(m)) for z in np.eye(n)), strict=True)
-    inputs, _ = zip(*(advance(np.zeros(n), u) for u in np.eye(m)), strict=True)
-    return Model(np.array(columns).T, np.array(inputs).T, np.array(totals).T, dt, tuple(names), point)
+    still, silent = np.zeros(m), np.zeros(len(COMMANDS))
+    columns, totals = zip(*(advance(z, still, silent) for z in np.eye(n)), strict=True)
+    inputs, _ = zip(*(advance(np.zeros(n), u, silent) for u in np.eye(m)), strict=True)
+    asked, sent = zip(*(advance(np.zeros(n), still, u) for u in np.eye(len(COMMANDS))), strict=True)
+    a, b, c, e, f = (np.array(x).T for x in (columns, inputs, totals, asked, sent))
+    return Model(a, b, c, dt, tuple(names), point, e, f, advance.states(tuple(names)))
 
 
 def linear_or_none(airframe: Airframe, v: float, dt: float = 0.005) -> Model | None:
@@ -96,7 +109,7 @@ class _Advance:
         direct: Array,
         dt: float,
     ) -> None:
-        self._point, self._autopilot, self._dt = point, autopilot, dt
+        self._point, self._autopilot, self._used, self._dt = point, autopilot, used, dt
         self._poles, self._direct = poles, direct
         fresh = [p.startswith(_FRESH) and not p.startswith(_FRESH_BUT_NOT) for p in used]
         self._fresh, self._old = np.array(fresh), np.array([p.startswith(_TWICE_OLD) for p in used])
@@ -104,7 +117,19 @@ class _Advance:
         self._ends = np.cumsum([9, 9, 3, m, len(autopilot.a), m, int(self._old.sum())])
         self.size = int(self._ends[-1])
 
-    def __call__(self, z: Array, probe: Array) -> tuple[Array, Array]:
+    def states(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of z; `names` are the plant inputs'."""
+        return (
+            *STATES,
+            *(f"{x}_rate" for x in STATES),
+            *(f"{x}_rate_before" for x in STATES[:3]),
+            *(f"{name}_moved" for name in names),
+            *(f"ap_{name}" for name in self._autopilot.names),
+            *(f"{name}_lag" for name in names),
+            *(f"{path}_before" for path, old in zip(self._used, self._old, strict=True) if old),
+        )
+
+    def __call__(self, z: Array, probe: Array, asked: Array) -> tuple[Array, Array]:
         """The next z, and what is sent to the plant inputs."""
         x, rate, last, surface, memory, lag, old = np.split(z, self._ends[:-1])
         p, ap = self._point, self._autopilot
@@ -114,10 +139,11 @@ class _Advance:
         seen = p.c @ x + p.d @ surface
         used = np.where(self._fresh, p.c @ after, seen)
         used[self._old] = old
-        total = ap.c @ memory + ap.d @ used + probe
+        total = ap.c @ memory + ap.d @ used + ap.g @ asked + probe
         # First-order lag, share `direct` at once: y = direct u + memory.
         moved = self._direct * total + lag
         lagging = self._poles * moved + (1 - self._poles - self._direct) * total
         parts = [after, p.a @ after + p.b @ moved, rate[:3], moved]
-        parts += [ap.a @ memory + ap.b @ used + ap.e @ probe, lagging, seen[self._old]]
+        kept = ap.a @ memory + ap.b @ used + ap.e @ probe + ap.f @ asked
+        parts += [kept, lagging, seen[self._old]]
         return np.concatenate(parts), total

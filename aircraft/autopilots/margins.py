@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
+from aircraft.airframes.sensors import sensors_of
 from aircraft.autopilots.linear_airframe import Point
 from aircraft.autopilots.linear_model import Model
 from aircraft.jsbsim.fdm import Fdm
@@ -59,20 +60,35 @@ def response(
     near  a trim of a flight like this one, which makes starting quicker
 
     The difference of an impulse up and one down cancels what the trim leaves and the even nonlinearities.
+    Where servos hear a command only every few periods, the impulse lasts as long: a shorter one could go by
+    unheard. Frequencies are then those below the servos' Nyquist frequency.
     """
-    up, down = (_impulse(airframe, v, loop, dt, duration, sign * _IMPULSE, near) for sign in (1.0, -1.0))
+    rate = sensors_of(airframe.sensors).servo_rate_hz
+    width = max(1, round(1 / (rate * dt))) if rate else 1
+    up, down = (
+        _impulse(airframe, v, loop, dt, duration, sign * _IMPULSE, width, near) for sign in (1.0, -1.0)
+    )
     impulse = (up - down) / (2 * _IMPULSE)
     sensitivity = np.fft.rfft(impulse, 4 * len(impulse))
     frequency = 2 * np.pi * np.fft.rfftfreq(4 * len(impulse), dt)
     # Below, the record is too short; at the Nyquist frequency the loop has no phase.
-    keep = (frequency > 2 * np.pi / duration) & (frequency < 0.98 * np.pi / dt)
+    keep = (frequency > 2 * np.pi / duration) & (frequency < 0.98 * np.pi / (width * dt))
+    if width > 1:
+        sensitivity[keep] /= np.exp(-1j * np.outer(frequency[keep] * dt, np.arange(width))).sum(axis=1)
     return Response(frequency[keep], 1.0 / sensitivity[keep] - 1.0)
 
 
 def _impulse(
-    airframe: Airframe, v: float, loop: str, dt: float, duration: float, size: float, near: Trim | None
+    airframe: Airframe,
+    v: float,
+    loop: str,
+    dt: float,
+    duration: float,
+    size: float,
+    width: int,
+    near: Trim | None,
 ) -> Array:
-    """The plant input (T,) when `size` is added to it in the first period."""
+    """The plant input (T,) when `size` is added to it in the first `width` periods."""
     fdm = Fdm(airframe, dt, Origin())
     fdm.start(Start(0.0, 0.0, 0.0, 0.0, v), near)
     probe, total = fdm.node(f"ap/{loop}-probe"), fdm.node(f"ap/{loop}-norm")
@@ -81,7 +97,8 @@ def _impulse(
     for k in range(len(out)):
         fdm.run((0.0, 0.0, 0.0), 1)
         out[k] = total.get_double_value()
-        probe.set_double_value(0.0)
+        if k + 1 >= width:
+            probe.set_double_value(0.0)
     return out
 
 

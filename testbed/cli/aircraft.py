@@ -1,4 +1,4 @@
-"""Commands about airframes: `aircraft list | describe | check | copy`; the others are in `remaking`."""
+"""Commands about airframes: `aircraft list | check | copy`; others are in `describe` and `remaking`."""
 
 from __future__ import annotations
 
@@ -59,44 +59,6 @@ def list_(as_json: JsonOption = False) -> None:
         rows[name] = f"{own.title}; autopilot: {own.autopilot}"
         rows |= {f"{name}@{o}": f"{own.title}; autopilot: {o}" for o in autopilots() if o != own.autopilot}
     show_named(rows, as_json)
-
-
-@app.command(
-    short_help="An airframe's datasheet.", epilog="Example: testbed aircraft describe x8 --out datasheets/x8"
-)
-def describe(
-    name: NameArg,
-    out: OutOption = None,
-    gains: GainsOption = None,
-    overwrite: OverwriteOption = False,
-    as_markdown: Annotated[bool, typer.Option("--markdown", help="print the tables as Markdown")] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """A datasheet: geometry, trim, envelope, modes, margins, steps; with --out a page with plots."""
-    from aircraft.datasheets.datasheet import describe as measure
-    from testbed.records.checksums import plain
-    from testbed.records.store import check_free
-    from testbed.report.aircraft_tables import markdown, tables
-
-    airframe = airframe_of(name, gains)
-    if out is not None:
-        check_free(out, overwrite)
-    with flying(name):
-        sheet = measure(airframe, progress=say)
-    if out is not None:
-        from testbed.report.aircraft_page import write
-
-        write(sheet, out, overwrite)
-    if as_json:
-        print(json.dumps(plain(sheet.as_dict()), indent=2))
-        return
-    if as_markdown:
-        print(markdown(sheet))
-        return
-    for title, rows in tables(sheet).items():
-        show_table(title, rows)
-    if out is not None:
-        print(f"page: {out / 'index.html'}")
 
 
 @app.command(

@@ -26,6 +26,7 @@ from testbed.cli import (
     tune,
     verify,
 )
+from testbed.cli import describe as cli_describe
 from testbed.cli import list as list_
 from testbed.cli import range as cli_range
 from testbed.cli import report as cli_report
@@ -78,6 +79,12 @@ _add("figures", figures.figures, figures.EXAMPLE, "Redraw the paper's figures, w
 _add("remedies", remedies.remedies, remedies.EXAMPLE, "Compare remedies at equal seeds.")
 _add("margin", margin.margin, margin.EXAMPLE, "Find the smallest setting of a remedy that is enough.")
 _add("answer", answer.answer, answer.EXAMPLE, "Tabulate whether the guarantee survives.")
+remaking.app.command("describe", short_help="An airframe's datasheet.", epilog=cli_describe.EXAMPLES)(
+    cli_describe.describe
+)
+remaking.app.command(
+    "linear", short_help="The linear model for python-control or MATLAB.", epilog=cli_describe.LINEAR_EXAMPLES
+)(cli_describe.linear)
 remaking.app.command(
     "log", short_help="Lags of a flight log, beside the simulated aircraft.", epilog=aircraft_log.EXAMPLES
 )(aircraft_log.log)

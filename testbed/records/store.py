@@ -43,6 +43,7 @@ MARKS = (
     "ledger.json",
     "answer.json",
     "datasheet.json",
+    "overlay.json",
     "tune.json",
     "campaign.json",
     "export.json",

@@ -40,6 +40,7 @@ OWN = (
     Kind("manifest.json", "testbed.report.run_part:of_folder"),
     Kind("ledger.json", "testbed.report.ledger_part:part"),
     Kind("campaign.json", "testbed.report.campaign_part:part"),
+    Kind("overlay.json", "testbed.report.overlay_page:part"),
 )
 
 
