@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 import testbed
 from aircraft.kinematic import KinematicFleet, Lag
+from filters.flow import flow_filter
 from filters.flow.channels import Channels
 from filters.flow.flow_filter import FlowFilter
-from filters.flow.rollout import Flow
+from filters.flow.rollout import Flow, furthest
 from filters.flow.separation import samples
 from filters.model import Command, Limits, State, View, step
 from testbed.scenario.scenario import Scenario, load
@@ -198,15 +199,17 @@ def test_gamma_keeps_every_row_and_rows_are_separable(seed: int) -> None:
     begun = flow.begin(state, rates, queued, flow.times(rates))
     gamma = flow.roll(begun, flow.gamma)
     i, j = np.triu_indices(n, 1)
-    found = samples(gamma, i, j)
+    found = samples(gamma, i, j, np.full((n, begun.times.size + 1), np.inf))
     moved = flow.roll(begun, rng.uniform(LOW, HIGH, (n, 3)))
     level = moved.at[i] - moved.at[j]
     height = moved.z[i] - moved.z[j]
     exact = np.sqrt(np.abs(level) ** 2 + height**2)
-    away, up = found.away[:, : level.shape[1]], found.up[:, : level.shape[1]]
+    shape = level.shape
+    assert np.array_equal(found.instant.reshape(shape), np.tile(np.arange(shape[1]), (i.size, 1)))
+    away, up, distance = (x[: exact.size].reshape(shape) for x in (found.away, found.up, found.distance))
     own = lambda k: (moved.at[k] - gamma.at[k], moved.z[k] - gamma.z[k])  # noqa: E731
     along = [(p * away.conj()).real + q * up for p, q in (own(i), own(j))]
-    bound = found.distance[:, : level.shape[1]] + along[0] - along[1]
+    bound = distance + along[0] - along[1]
     assert np.all(exact >= bound - 1e-9)
     # The whole circle is no nearer than the least, and somewhere as near.
     phase = np.linspace(0, 2 * np.pi, 2001)
@@ -216,7 +219,57 @@ def test_gamma_keeps_every_row_and_rows_are_separable(seed: int) -> None:
     )
     dense = np.hypot(swing, (gamma.z[i] - gamma.z[j])[:, -1:]).min(axis=1)
     assert np.all(found.least <= dense + 1e-9)
-    assert np.all(found.distance.min(axis=1) <= dense + 1e-9)
+    nearest = found.distance[exact.size :].reshape(i.size, -1).min(axis=1)
+    assert np.all(nearest <= dense + 1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6))
+def test_no_input_moves_a_vehicle_further_than_the_bound(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, flow = 6, flow_of(6)
+    state, rates, queued = drawn(rng, n, flow.depth)
+    begun = flow.begin(state, rates, queued, flow.times(rates))
+    low, high = np.tile(LOW, (n, 1)), np.tile(HIGH, (n, 1))
+    bound = furthest(begun, *flow.covered(begun, np.stack([flow.gamma, low, high])))
+    gamma = flow.roll(begun, flow.gamma)
+    corners = np.where(rng.random((20, n, 3)) < 0.5, low, high)
+    moved = flow.roll(begun, np.concatenate([corners, rng.uniform(low, high, (20, n, 3))]))
+    far = np.hypot(np.abs(moved.at - gamma.at), moved.z - gamma.z)
+    assert np.all(far <= bound[:, :-1] + 1e-9)
+    assert far.max() > 0.3 * bound[:, :-1].max()  # and it is no idle bound
+    turn = np.exp(1j * np.linspace(0, 2 * np.pi, 50))
+    around = (moved.centre - gamma.centre)[..., None] + (moved.arm - gamma.arm)[..., None] * turn
+    circle = np.hypot(np.abs(around), (moved.z - gamma.z)[..., -1:])
+    assert np.all(circle <= bound[:, -1:] + 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_left_out_changes_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against a filter that looks at every pair at every instant and phase."""
+    rng = np.random.default_rng(seed)
+    n, kappa = 7, 0.1
+    gamma = Command.of(np.tile(GAMMA, (n, 1)))
+    limits = Limits(*(np.full(n, v) for v in (LOW[0], HIGH[0], HIGH[1], HIGH[2])))
+    pruned, plain = (FlowFilter([LAGS], gamma, 5.0, DT, kappa=kappa) for _ in range(2))
+    bound = flow_filter.furthest
+    altered = 0
+    for _ in range(12):
+        state, rates, _ = drawn(rng, n, 0)
+        state = State(0.7 * state.x, 0.7 * state.y, state.theta, state.z)
+        nominal = Command.of(rng.uniform(LOW, HIGH, (n, 3)))
+        view = View(state, Command.of(rates))
+        monkeypatch.setattr(flow_filter, "furthest", bound)
+        one = pruned(view, nominal, limits)
+        monkeypatch.setattr(flow_filter, "furthest", lambda *a: np.full_like(bound(*a), np.inf))
+        two = plain(view, nominal, limits)
+        assert np.abs(one.command.array() - two.command.array()).max() < 1e-9
+        assert np.array_equal(one.status, two.status)
+        altered += int(one.override.sum())
+    assert altered > 10
+    for name, seen in pruned.record.checks.items():
+        assert seen == plain.record.checks[name]
+    assert np.array_equal(pruned.endings, plain.endings)
 
 
 def test_whom_it_does_not_know_it_does_not_avoid() -> None:

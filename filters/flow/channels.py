@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from filters.constraints import Indices
 from filters.model import Array
 
 # No aircraft's channel changes faster: stands in for an unlimited rate, and for no lag at all.
@@ -72,6 +73,11 @@ class Channels:
             np.minimum(-falls, _FASTEST),
             np.minimum(rises, _FASTEST),
         )
+
+    def of_some(self, vehicles: Indices) -> Channels:
+        """Those of some vehicles alone."""
+        v = vehicles
+        return Channels(self.constant[v], self.delay[v], self.fall[v], self.rise[v])
 
     def towards(self, y: Array, goal: Array) -> Motion:
         """The motion (..., N, 3) of channels at y that are told `goal` from now on."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from filters.constraints import dot
+from filters.constraints import Indices, dot
 from filters.flow.separation import Rows
 from filters.model import Array
 from filters.qp.batch import solve_each
@@ -21,7 +21,7 @@ from filters.qp.batch import solve_each
 # Shares of the way from gamma to the QP's solution, tried in turn; the last always keeps every row.
 DRAWN = np.array([0.9, 0.75, 0.5, 0.25, 0.1, 0.0])
 TOLERANCE_M = 1e-4
-_ADDED, _ROUNDS, _CORRECTIONS = 12, 8, 2
+_ROUNDS, _CORRECTIONS = 8, 2
 _CHANGED = 1e-6
 
 
@@ -54,33 +54,39 @@ class Wanted:
     gamma: Array
     scale: Array
 
+    def of(self, vehicles: Indices) -> Wanted:
+        """Those of some vehicles."""
+        each = (self.target, self.lower, self.upper, self.gamma, self.scale)
+        return Wanted(*(x[vehicles] for x in each))
+
     @property
     def clipped(self) -> Array:
         return np.minimum(np.maximum(self.target, self.lower), self.upper)
 
 
 def choose(
-    wanted: Wanted, rows: Rows, slope: Array, exact: Callable[[Array], Array]
+    wanted: Wanted, rows: Rows, slope: Array, moved: Array, exact: Callable[[Array], Array]
 ) -> tuple[Array, NDArray[np.int_]]:
-    """Inputs (N, 3) and their `Ending` (N,).
+    """Inputs (N, 3) and their `Ending` (N,) for vehicles whose targets break rows.
 
     slope  (R, 3) m per unit of input, of each row's displacement
+    moved  (R,) m, displacements at the targets inside the box
     exact  inputs (..., N, 3) -> displacements (..., R) m of their flow
     """
-    u = wanted.clipped
-    ending = np.full(len(u), int(Ending.NOMINAL))
-    if not rows.vehicle.size:
-        return u, ending
     least = rows.least - TOLERANCE_M
-    moved = exact(u)
+    u = wanted.clipped
     at, need = wanted.gamma, rows.least
     for _ in range(_CORRECTIONS):
-        if (moved >= least).all():
+        fails = np.zeros(len(u), dtype=bool)
+        fails[rows.vehicle[~(moved >= least)]] = True
+        if not fails.any():
             break
-        u = _solve(wanted, rows, slope, need + dot(slope, at[rows.vehicle]))
+        # Whoever keeps its rows already is left alone: vehicles do not depend on each other.
+        found = _solve(wanted, rows, slope, need + dot(slope, at[rows.vehicle]))
+        u = np.where(fails[:, None], found, u)
         moved = exact(u)
         at, need = u, rows.least - moved
-    ending[np.abs(u - wanted.clipped).max(axis=1) > _CHANGED] = Ending.SOLVED
+    ending = np.where(np.abs(u - wanted.clipped).max(axis=1) > _CHANGED, Ending.SOLVED, Ending.NOMINAL)
     broken = np.unique(rows.vehicle[~(moved >= least)])
     if broken.size:
         tried = wanted.gamma + DRAWN[:, None, None] * (u - wanted.gamma)
@@ -95,7 +101,12 @@ def choose(
 
 def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array) -> Array:
     """The inputs nearest to the targets with slope u >= level, rows added as they are found broken."""
-    vehicle, scale = rows.vehicle, wanted.scale
+    # Rows that no input in the box can break are none to the QP.
+    low, high = wanted.lower[rows.vehicle], wanted.upper[rows.vehicle]
+    some = np.flatnonzero(dot(slope, np.where(slope > 0, low, high)) < level)
+    vehicle, slope, level = rows.vehicle[some], slope[some], level[some]
+    group = vehicle * (int(rows.other.max(initial=0)) + 1) + rows.other[some]
+    scale = wanted.scale
     kept = np.zeros(vehicle.size, dtype=bool)
     u = wanted.clipped
     scaled = slope * scale[vehicle]
@@ -105,11 +116,10 @@ def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array) -> Array:
         broken = np.flatnonzero((short > _CHANGED) & ~kept)
         if not broken.size:
             break
+        # Of each vehicle and whom it meets the row that is broken most.
         worst = broken[np.argsort(-short[broken], kind="stable")]
-        # Of each vehicle the row that is broken most, and some of the worst of all.
-        _, first = np.unique(vehicle[worst], return_index=True)
+        _, first = np.unique(group[worst], return_index=True)
         kept[worst[first]] = True
-        kept[worst[:_ADDED]] = True
         use = np.flatnonzero(kept)
         found, _ = solve_each(
             box[0], vehicle[use], scaled[use], level[use], box[1], box[2], fallback=wanted.gamma / scale

@@ -19,12 +19,14 @@ from filters.constraints import Indices
 from filters.filter import Check, Decision, Declaration, MonitorRecord
 from filters.flow.channels import Channels, Lag
 from filters.flow.choice import TOLERANCE_M, Ending, Wanted, choose
-from filters.flow.rollout import Flow
-from filters.flow.separation import reach, rows, samples
+from filters.flow.rollout import Begun, Flow, Paths, furthest
+from filters.flow.separation import Rows, rows, samples
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 
 STEP_TOLERANCE_M = 20 * TOLERANCE_M
+# A channel whose range is this small has no choice [m/s, rad/s, m/s].
+_STEP = 1e-9
 
 
 def flow_checks() -> dict[str, Check]:
@@ -98,22 +100,17 @@ class FlowFilter:
         begun = flow.begin(state, rates, np.stack(self._queued), flow.times(rates))
         gamma = np.minimum(np.maximum(flow.gamma, lower), upper)
         wanted = Wanted(target, lower, upper, gamma, self._scale(lower, upper))
-        # One channel at a time to the end of its range on the target's side, or else the other.
-        end = np.where(wanted.clipped >= gamma, upper, lower)
-        end = np.where(np.abs(end - gamma) < 1e-9, lower + upper - end, end)
-        step = end - gamma
-        tried = np.repeat(gamma[None], 4, axis=0)
-        for c in range(3):
-            tried[c + 1, :, c] = end[:, c]
-        paths = flow.roll(begun, tried)
-        base, ends = paths[0], paths[1:]
-        found = samples(base, *self._seen(view))
-        free = np.abs(step) > 1e-9
-        step = np.where(free, step, np.inf)
-        share = np.maximum(upper - gamma, gamma - lower) / np.abs(step)
-        made = rows(found, self.level, self.kappa, reach(ends, base, share))
-        slope = made.displacement(ends, base).T / step[made.vehicle]
-        u, ending = choose(wanted, made, slope, lambda v: made.displacement(flow.roll(begun, v), base))
+        covered = flow.covered(begun, np.stack([gamma, lower, upper, wanted.clipped]))
+        paths = flow.paths(begun, covered[::3])
+        base, wish = paths[0], paths[1]
+        moves = furthest(begun, *covered[:3])
+        found = samples(base, *self._seen(view), self.level + 2 / self.kappa * moves)
+        made = rows(found, self.level, self.kappa, moves)
+        u, ending = wanted.clipped, np.full(n, int(Ending.NOMINAL))
+        moved = made.displacement(wish, base)
+        broken = np.unique(made.vehicle[~(moved >= made.least - TOLERANCE_M)])
+        if broken.size:
+            u[broken], ending[broken] = self._choose(begun, broken, wanted, covered, base, made)
         clear = np.full((n, n), np.nan)
         clear[found.i, found.j] = found.least - self.level
         self._note(clear, ending)
@@ -122,6 +119,29 @@ class FlowFilter:
         outside = np.nan_to_num(short) > 0
         status = np.where(outside & (ending == Ending.EVADING), int(Status.INFEASIBLE), int(Status.SOLVED))
         return Problem(target, lower, upper).decision(u, status, np.nan_to_num(short), None, np.zeros(0))
+
+    def _choose(
+        self, begun: Begun, v: Indices, wanted: Wanted, covered: Array, base: Paths, made: Rows
+    ) -> tuple[Array, NDArray[np.int_]]:
+        """Inputs and endings of the vehicles v whose targets break rows.
+
+        covered  (4, N, 3, M) integrals under gamma, the box's lower and upper end, and the targets
+        """
+        flow, some, begun = self.flow, made.of(v), begun.of(v)
+        wanted = wanted.of(v)
+        base = Paths(base.at[v], base.z[v], base.centre[v], base.arm[v])
+        # One channel at a time to the end of its range on the target's side, or else the other.
+        gamma, lower, upper = wanted.gamma, wanted.lower, wanted.upper
+        high = wanted.clipped >= gamma
+        high ^= np.abs(np.where(high, upper, lower) - gamma) < _STEP
+        step = np.where(high, upper, lower) - gamma
+        ends = np.where(high[..., None], covered[2, v], covered[1, v])
+        one = np.eye(3, dtype=bool)[:, None, :, None]
+        tried = flow.paths(begun, np.where(one, ends, covered[0, v]))
+        step = np.where(np.abs(step) > _STEP, step, np.inf)
+        slope = some.displacement(tried, base).T / step[some.vehicle]
+        moved = some.displacement(flow.paths(begun, covered[3, v]), base)
+        return choose(wanted, some, slope, moved, lambda u: some.displacement(flow.roll(begun, u), base))
 
     def _scale(self, lower: Array, upper: Array) -> Array:
         ranges = upper - lower

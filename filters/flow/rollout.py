@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from filters.flow.channels import Channels, Motion
+from filters.constraints import Indices
+from filters.flow.channels import Channels
 from filters.model import Array, State
 
 Complex = np.ndarray
@@ -42,16 +43,28 @@ class Paths:
 class Begun:
     """What is certain whatever is commanded next: states, commands on their way, and what they lead to.
 
-    state    (N,)
-    rates    (N, 3) when the next command is heard, each channel after its own delay
-    covered  (N, 3, M) integrals of the rates at the instants, up to each channel's delay
-    times    (M,) s
+    state     (N,)
+    rates     (N, 3) when the next command is heard, each channel after its own delay
+    covered   (N, 3, M) integrals of the rates at the instants, up to each channel's delay
+    times     (M,) s
+    channels  of the vehicles
+    gamma     (N, 3) flown after the next command
     """
 
     state: State
     rates: Array
     covered: Array
     times: Array
+    channels: Channels
+    gamma: Array
+
+    def of(self, vehicles: Indices) -> Begun:
+        """The same of some vehicles alone."""
+        state, v = self.state, vehicles
+        some = State(state.x[v], state.y[v], state.theta[v], state.z[v])
+        return Begun(
+            some, self.rates[v], self.covered[v], self.times, self.channels.of_some(v), self.gamma[v]
+        )
 
 
 class Flow:
@@ -80,14 +93,18 @@ class Flow:
         queued  (depth, N, 3) commands given, the latest first
         times   (M,) s, multiples of dt from dt on
         """
-        y, covered = rates, np.zeros((*rates.shape, times.size))
+        y, few = rates, max(self.depth, 1)
+        # After `depth` periods all of it has been heard.
+        early = times[:few]
+        covered = np.zeros((*rates.shape, early.size))
         for k in range(self.depth - 1, -1, -1):
             begin = np.maximum(self.channels.delay - (k + 1) * self.dt, 0.0)
             long = np.maximum(self.channels.delay - k * self.dt, 0.0) - begin
             motion = self.channels.towards(y, queued[k])
-            covered += motion.integral(_within(times, begin, long))
+            covered += motion.integral(_within(early, begin, long))
             y = motion.value(long)
-        return Begun(state, y, covered, times)
+        covered = np.concatenate([covered, np.repeat(covered[..., -1:], times.size - early.size, -1)], -1)
+        return Begun(state, y, covered, times, self.channels, self.gamma)
 
     def times(self, rates: Array) -> Array:
         """Instants dt, 2 dt, ... [s] until all channels have settled on gamma, whatever is on its way.
@@ -106,31 +123,70 @@ class Flow:
 
     def roll(self, begun: Begun, u: Array) -> Paths:
         """The paths when u (..., N, 3) is commanded for one period, then gamma."""
-        delay, dt, times = self.channels.delay, self.dt, begun.times
-        told = self.channels.towards(np.broadcast_to(begun.rates, u.shape), u)
+        return self.paths(begun, self.covered(begun, u))
+
+    def covered(self, begun: Begun, u: Array) -> Array:
+        """Integrals (..., N, 3, M) of the channels when u (..., N, 3) is commanded, then gamma."""
+        channels, times, dt = begun.channels, begun.times, self.dt
+        delay = channels.delay
+        told = channels.towards(np.broadcast_to(begun.rates, u.shape), u)
         # u is heard for one period: only one of the instants lies inside it.
-        inside = np.floor(delay / dt + 1e-9)[..., None] + 1.0
-        two = told.integral(np.stack([inside[..., 0] * dt - delay, np.full(delay.shape, dt)], axis=-1))
+        inside = np.floor(delay / dt + 1e-9) + 1.0
+        two = told.integral(np.stack([inside * dt - delay, np.full(delay.shape, dt)], axis=-1))
         index = np.round(times / dt)
-        part = (index == inside) * two[..., :1]
-        part += (index > inside) * two[..., 1:]
-        covered = begun.covered + part
-        long = np.full(u.shape, dt)
-        evading: Motion = self.channels.towards(told.value(long), np.broadcast_to(self.gamma, u.shape))
+        within, after = (index == inside[..., None]) * 1.0, (index > inside[..., None]) * 1.0
+        covered: Array = begun.covered + within * two[..., :1] + after * two[..., 1:]
+        evading = channels.towards(told.value(dt), np.broadcast_to(begun.gamma, u.shape))
         covered += evading.integral(np.maximum(times - (delay + dt)[..., None], 0.0))
+        return covered
+
+    def paths(self, begun: Begun, covered: Array) -> Paths:
+        """The paths of channels whose integrals are `covered` (..., N, 3, M)."""
         far, turned, climbed = covered[..., 0, :], covered[..., 1, :], covered[..., 2, :]
-        theta = begun.state.theta[:, None] + turned
-        before = np.concatenate(
-            [np.broadcast_to(begun.state.theta[:, None], theta[..., :1].shape), theta[..., :-1]], -1
-        )
-        way = np.diff(far, axis=-1, prepend=0.0)
-        half = 0.5 * (theta - before)
-        chord = way * np.sinc(half / np.pi) * np.exp(1j * (before + half))
-        start = (begun.state.x + 1j * begun.state.y)[:, None]
-        at = start + np.cumsum(chord, axis=-1)
-        radius = self.gamma[:, 0] / self.gamma[:, 1]
-        arm = -1j * radius * np.exp(1j * theta[..., -1])
+        way, half = _steps(far), 0.5 * _steps(turned)
+        course = begun.state.theta[:, None] + turned - half
+        share = _chord(half) * way
+        at = np.empty(far.shape, dtype=complex)
+        at.real = begun.state.x[:, None] + np.cumsum(share * np.cos(course), axis=-1)
+        at.imag = begun.state.y[:, None] + np.cumsum(share * np.sin(course), axis=-1)
+        radius = begun.gamma[:, 0] / begun.gamma[:, 1]
+        arm = -1j * radius * np.exp(1j * (begun.state.theta + turned[..., -1]))
         return Paths(at, begun.state.z[:, None] + climbed, at[..., -1] - arm, arm)
+
+
+def _chord(half: Array) -> Array:
+    """sin(half) / half [rad]: what an arc's chord is of its way."""
+    square = half * half
+    if square.max(initial=0.0) > 0.01:
+        return np.asarray(np.sinc(half / np.pi))
+    # The next term of the series is less than 3e-12.
+    return np.asarray(1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))
+
+
+def _steps(total: Array) -> Array:
+    """What each period adds to integrals (..., M) that start at 0."""
+    step = total.copy()
+    step[..., 1:] -= total[..., :-1]
+    return step
+
+
+def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array) -> Array:
+    """How far (N, M + 1) m any input of the box can move each vehicle at the instants, and on its circle.
+
+    gamma, lower, upper  (N, 3, M) integrals of the channels under gamma and under the ends of the box
+
+    A channel told more is at no time lower, so the integrals lie between those of the ends. With them the
+    bound is a proof: |v e^{j theta} - v' e^{j theta'}| <= |v - v'| + v' |theta - theta'|, a course's change
+    never shrinks along the flow, and c + a e^{j phi} moves with the last instant and twice with the arm.
+    """
+    off = np.maximum(np.abs(lower - gamma), np.abs(upper - gamma))
+    turned = off[:, 1]
+    moved = off[:, 0] + np.cumsum(np.abs(_steps(gamma[:, 0])) * turned, axis=-1)
+    radius = np.abs(begun.gamma[:, 0] / begun.gamma[:, 1])
+    circle = moved[:, -1] + 2 * radius * turned[:, -1]
+    level = np.concatenate([moved, circle[:, None]], axis=-1)
+    up = np.concatenate([off[:, 2], off[:, 2, -1:]], axis=-1)
+    return np.asarray(np.sqrt(level * level + up * up))
 
 
 def _within(times: Array, begin: Array, long: Array) -> Array:

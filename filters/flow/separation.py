@@ -4,6 +4,8 @@ With P_i(u) a vehicle's position at one sample of its flow, e the unit vector fr
 s = |P_i - P_j| - (Ds + m), vehicle i keeps e (P_i(u_i) - P_i(gamma)) >= -kappa/2 max(s, 0), and j the same
 with -e. Then |P_i(u_i) - P_j(u_j)| >= e (P_i(u_i) - P_j(u_j)) >= Ds + m + s - kappa max(s, 0): neither needs
 to know what the other chooses, and u = gamma satisfies every row.
+
+Samples at which no input can break a row are left out, unless a pair may be nearest there.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from filters.constraints import Indices
 from filters.flow.rollout import Complex, Paths
@@ -19,49 +20,90 @@ from filters.model import Array
 
 # Phases of the circles beside that at which a pair is nearest, and all around [rad].
 _BESIDE = np.array([0.01, 0.03, 0.06, 0.1, 0.2, 0.4, 0.8])
-NEAR = np.concatenate([-_BESIDE[::-1], [0.0], _BESIDE])
-AROUND = np.arange(8) * (2 * np.pi / 8)
-# Inputs move a vehicle less than the sum of what its channels do alone, but for terms of second order.
-_REACH = 1.1
+NEAR = np.exp(1j * np.concatenate([-_BESIDE[::-1], [0.0], _BESIDE]))
+AROUND = np.exp(1j * np.arange(8) * (2 * np.pi / 8))
+# Instants looked at together: one distance and the ways flown bound the others.
+_BLOCK = 8
+# Numbers differ by rounding from one way of computing them to another [m].
+_ROUND_OFF = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Pairs (P,) under gamma: distances [m] at S samples, with unit vectors from j to i.
+    """Samples of pairs (P,) under gamma: the first T of S are about instants, the others about circles.
 
-    i, j      (P,)
-    phase     (P, F) rad, of the circle's samples, which follow the M instants of the transient
-    away, up  (P, S) the unit vectors, horizontal as complex numbers, and vertical
-    distance  (P, S) m
-    least     (P,) m, over the instants and the whole circle
+    pair        (S,) index of the pair
+    instant     (T,) index of the instant
+    turn        (S - T,) exp(j phase)
+    away, up    (S,) unit vectors from j to i, horizontal as complex numbers, and vertical
+    distance    (S,) m
+    least       (P,) m, over all instants and the whole circle, whether sampled or not
     """
 
     i: Indices
     j: Indices
-    phase: Array
+    pair: Indices
+    instant: Indices
+    turn: Complex
     away: Complex
     up: Array
     distance: Array
     least: Array
 
 
-def samples(gamma: Paths, i: Indices, j: Indices) -> Samples:
-    """The samples of pairs when all fly gamma; `gamma` without leading axes."""
-    between = gamma.centre[i] - gamma.centre[j]
-    swing = gamma.arm[i] - gamma.arm[j]
-    nearest = np.angle(-between * np.conj(swing))
-    around = np.broadcast_to(AROUND, (i.size, AROUND.size))
-    phase = np.concatenate([nearest[:, None] + NEAR, around], axis=1)
-    circle = between[:, None] + swing[:, None] * np.exp(1j * phase)
-    level = np.concatenate([gamma.at[i] - gamma.at[j], circle], axis=1)
-    transient = gamma.z[i] - gamma.z[j]
-    last = transient[:, -1:]
-    height = np.concatenate([transient, np.broadcast_to(last, phase.shape)], axis=1)
+def samples(gamma: Paths, i: Indices, j: Indices, near: Array) -> Samples:
+    """The samples of pairs when all fly gamma; `gamma` without leading axes.
+
+    near  (N, M + 1) m: at larger distances a vehicle has no row, at the instants and on its circle
+    """
+    instants = gamma.at.shape[-1]
+    between, swing = gamma.centre[i] - gamma.centre[j], gamma.arm[i] - gamma.arm[j]
+    last = gamma.z[i, -1] - gamma.z[j, -1]
+    whole = np.hypot(np.abs(between) - np.abs(swing), last)
+    pair, instant = _looked_at(gamma, i, j, near[:, :instants], whole)
+    p, q = i[pair], j[pair]
+    level, height = gamma.at[p, instant] - gamma.at[q, instant], gamma.z[p, instant] - gamma.z[q, instant]
+    late = np.flatnonzero(whole < np.maximum(near[i, -1], near[j, -1]))
+    nearest = -between[late] * np.conj(swing[late])
+    size = np.abs(nearest)
+    nearest = np.where(size > 0, nearest / np.where(size > 0, size, 1.0), 1.0)
+    around = np.broadcast_to(AROUND, (late.size, AROUND.size))
+    turn = np.concatenate([nearest[:, None] * NEAR, around], axis=1)
+    circle = between[late, None] + swing[late, None] * turn
+    level = np.concatenate([level, circle.ravel()])
+    height = np.concatenate([height, np.repeat(last[late], turn.shape[1])])
     distance = np.sqrt(level.real**2 + level.imag**2 + height**2)
-    whole = np.hypot(np.abs(between) - np.abs(swing), last[:, 0])
+    least = whole.copy()
+    np.minimum.at(least, pair, distance[: pair.size])
     scale = 1.0 / np.maximum(distance, 1e-9)
-    least = np.minimum(distance[:, : gamma.at.shape[-1]].min(axis=1), whole)
-    return Samples(i, j, phase, level * scale, height * scale, distance, least)
+    pair = np.concatenate([pair, np.repeat(late, turn.shape[1])])
+    return Samples(i, j, pair, instant, turn.ravel(), level * scale, height * scale, distance, least)
+
+
+def _looked_at(gamma: Paths, i: Indices, j: Indices, near: Array, whole: Array) -> tuple[Indices, Indices]:
+    """Pairs and instants (T,) at which there may be a row, or a pair's least distance.
+
+    whole  (P,) m, the least distance on the circle
+    """
+    instants = gamma.at.shape[-1]
+    start = np.arange(0, instants, _BLOCK)
+    middle = np.minimum(start + _BLOCK // 2, instants - 1)
+    flown = np.zeros(gamma.z.shape)
+    step, climb = np.diff(gamma.at, axis=-1), np.diff(gamma.z, axis=-1)
+    flown[:, 1:] = np.cumsum(np.sqrt(step.real**2 + step.imag**2 + climb**2), axis=-1)
+    end = np.minimum(start + _BLOCK, instants) - 1
+    # No instant of the block is more than this way from the middle one.
+    way = np.maximum(flown[:, middle] - flown[:, start], flown[:, end] - flown[:, middle])
+    at, z = gamma.at[:, middle], gamma.z[:, middle]
+    level = at[i] - at[j]
+    distance = np.sqrt(level.real**2 + level.imag**2 + (z[i] - z[j]) ** 2)
+    no_less = distance - (way[i] + way[j]) - _ROUND_OFF
+    row = np.maximum.reduceat(near, start, axis=-1)
+    upper = np.minimum(distance.min(axis=1), whole)
+    p, b = np.nonzero(no_less < np.maximum(np.maximum(row[i], row[j]), upper[:, None]))
+    k = start[b][:, None] + np.arange(_BLOCK)
+    inside = k < instants
+    return np.broadcast_to(p[:, None], k.shape)[inside], k[inside]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +111,7 @@ class Rows:
     """R rows of single vehicles: the displacement of `vehicle` along its unit vector is at least `least`.
 
     vehicle    (R,)
+    other      (R,) the vehicle of which it keeps clear
     along, up  (R,) unit vector: horizontal as a complex number, and vertical
     least      (R,) m, at most 0
     instant    (T,) of the first T rows, which are about the transient: index of the instant
@@ -76,6 +119,7 @@ class Rows:
     """
 
     vehicle: Indices
+    other: Indices
     along: Complex
     up: Array
     least: Array
@@ -97,6 +141,22 @@ class Rows:
         up[..., split:] = height[..., -1].take(late, axis=-1)  # the circle is as high as the last instant
         return np.asarray(level.real * self.along.real + level.imag * self.along.imag + up * self.up)
 
+    def of(self, vehicles: Indices) -> Rows:
+        """The rows of some vehicles (increasing), numbered anew from 0; `other` keeps its number."""
+        place = np.full(int(max(self.vehicle.max(initial=0), vehicles.max(initial=0))) + 1, -1)
+        place[vehicles] = np.arange(vehicles.size)
+        here = place[self.vehicle] >= 0
+        split = self.instant.size
+        return Rows(
+            place[self.vehicle[here]],
+            self.other[here],
+            self.along[here],
+            self.up[here],
+            self.least[here],
+            self.instant[here[:split]],
+            self.turn[here[split:]],
+        )
+
 
 def rows(found: Samples, level: float, kappa: float, reach: Array) -> Rows:
     """The rows that some input may break, of both vehicles of each pair.
@@ -105,36 +165,27 @@ def rows(found: Samples, level: float, kappa: float, reach: Array) -> Rows:
     kappa  share of the slack that one period may use up
     reach  (N, M + 1) m, how far any input can move each vehicle at the instants, and on its circle
     """
-    instants = reach.shape[1] - 1
+    split = found.instant.size
     allowed = 0.5 * kappa * np.maximum(found.distance - level, 0.0)
-    parts: tuple[list[NDArray[np.generic]], ...] = ([], [], [], [], [])
-    turns = []
-    transient, circle = allowed[:, :instants], allowed[:, instants:]
-    for late in (False, True):
-        for vehicle, sign in ((found.i, 1.0), (found.j, -1.0)):
-            mine = reach[vehicle]
-            far = mine[:, instants:] if late else mine[:, :instants]
-            p, k = np.nonzero((circle if late else transient) < far)
-            if late:
-                turns.append(np.exp(1j * found.phase[p, k]))
-            else:
-                parts[4].append(k)
-            column = k + instants if late else k
-            row = (vehicle[p], sign * found.away[p, column], sign * found.up[p, column], -allowed[p, column])
-            for part, value in zip(parts, row, strict=False):
-                part.append(value)
-    vehicle, along, up, least, instant = (np.concatenate(part) for part in parts)
-    return Rows(vehicle, along, up, least, instant, np.concatenate(turns))
-
-
-def reach(ends: Paths, gamma: Paths, share: Array) -> Array:
-    """How far (N, M + 1) m any input can move each vehicle at the instants, and on its circle.
-
-    ends   (3, N, M) paths with one channel at the end of its range
-    share  (N, 3) the furthest that the channel can be from gamma, over how far it is there
-    """
-    moved = np.hypot(np.abs(ends.at - gamma.at), ends.z - gamma.z)
-    circle = np.abs(ends.centre - gamma.centre) + np.abs(ends.arm - gamma.arm)
-    late = np.hypot(circle, (ends.z - gamma.z)[..., -1])
-    each = np.concatenate([moved, late[..., None]], axis=-1)
-    return np.asarray(_REACH * np.einsum("cnm,nc->nm", each, share))
+    column = np.full(found.pair.size, reach.shape[1] - 1)
+    column[:split] = found.instant
+    parts: list[list[tuple[Indices, Indices, Indices, float]]] = [[], []]
+    for vehicle, other, sign in ((found.i, found.j, 1.0), (found.j, found.i, -1.0)):
+        own = vehicle[found.pair]
+        k = np.flatnonzero(allowed < reach[own, column])
+        cut = int(np.searchsorted(k, split))
+        for part, some in zip(parts, (k[:cut], k[cut:]), strict=True):
+            part.append((own[some], other[found.pair[some]], some, sign))
+    ordered = [*parts[0], *parts[1]]
+    sample = np.concatenate([some for _, _, some, _ in ordered])
+    sign_of = np.concatenate([np.full(some.size, sign) for _, _, some, sign in ordered])
+    cut = sum(some.size for _, _, some, _ in parts[0])
+    return Rows(
+        np.concatenate([own for own, _, _, _ in ordered]),
+        np.concatenate([other for _, other, _, _ in ordered]),
+        sign_of * found.away[sample],
+        sign_of * found.up[sample],
+        -allowed[sample],
+        found.instant[sample[:cut]],
+        found.turn[sample[cut:] - split],
+    )
