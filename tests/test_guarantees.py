@@ -281,7 +281,8 @@ def test_a_pairs_entry_names_the_worst_pair_its_time_and_how_far_it_is_from_the_
     [
         (5.2, 5.1, 0.1, "holds", 5.2, ""),  # at least 5.05
         (5.2, 5.1, 0.2, "holds", 5.2, ""),  # at least 5
-        (5.2, 5.101, 0.8, "open", 5.2, "as near as 4.701 m: sample finer, fdm_dt_s <= 0.0025 would do"),
+        (5.3, 5.25, 0.8, "open", 5.3, "as near as 4.85 m: sample finer, fdm_dt_s <= 0.0017 would do"),
+        (5.2, 5.101, 0.8, "open", 5.2, "as near as 4.701 m: sample finer, for example fdm_dt_s = 0.0012"),
         (5.2, 4.9, 0.8, "open", 5.2, "as near as 4.5 m: sample finer, for example fdm_dt_s = 0.0012"),
         (5.2, 4.9, 0.1, "violated", 4.95, ""),  # at most 4.95, between samples
         (4.8, 4.7, 0.8, "violated", 4.8, ""),

@@ -1,7 +1,8 @@
 """Fingerprints of what derived numbers were made from: identified lags and fitted feed-forward.
 
-A fingerprint covers the model's XML as JSBSim reads it, without comments and layout, and the gains and speeds
-of airframe.toml that enter. It does not cover names, sources or [identified] itself.
+A fingerprint covers the model and the gains and speeds of airframe.toml that enter. The model is its XML as
+JSBSim reads it, without comments and layout, with [setup] and [engines]. A fingerprint does not cover names,
+sources or [identified] itself.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 from aircraft.airframes.files import read_folder
 from aircraft.airframes.schema import INVERTING, Airframe, property_name
+from aircraft.airframes.setup import Engines, Setup
 from aircraft.airframes.xml import Element
 
 # Gains that `testbed aircraft trim` fits, and those that the fit uses.
@@ -66,13 +68,18 @@ def differs(fingerprint: str, now: str) -> str | None:
 
 
 def _files(airframe: Airframe) -> list[list[Any]]:
-    """The XML files that the model consists of, in order of their names, as nested lists."""
+    """The XML files that the model consists of, in order of their names, as nested lists; then what
+    airframe.toml sets in the model."""
     files, _ = read_folder(airframe.folder)
     if files is None:
         return []
+    tables: list[list[Any]] = []
+    if airframe.setup != Setup() or airframe.engines != Engines():
+        own = [t.model_dump(exclude_defaults=True) for t in (airframe.setup, airframe.engines)]
+        tables.append(["airframe.toml", *own])
     # Defaults of gains in the autopilot are overwritten by airframe.toml whenever the model is loaded.
     gains = {property_name(name) for name in airframe.gain_values()}
-    return [[name, *_element(tree, gains)] for name, tree in sorted(files.trees.items())]
+    return [*([name, *_element(tree, gains)] for name, tree in sorted(files.trees.items())), *tables]
 
 
 def _element(e: Element, gains: set[str]) -> Iterator[Any]:

@@ -95,10 +95,10 @@ def correct(problem: Problem, p: Array, guess: Array) -> Array | None:
     return x if problem.solved(p, x) else None
 
 
-def _updated(slope: Array, moved: Array, changed: Array) -> Array | None:
-    """Broyden's correction of the derivatives by the step just made; None if there was none."""
-    length = float(moved @ moved)
-    return None if length == 0.0 else slope + np.outer(changed - slope @ moved, moved) / length
+def _updated(slope: Array, moved: Array, changed: Array) -> Array:
+    """Broyden's correction of the derivatives by the step just made, which is never of no length."""
+    corrected: Array = slope + np.outer(changed - slope @ moved, moved) / float(moved @ moved)
+    return corrected
 
 
 def _jacobian(problem: Problem, p: Array, x: Array, left: Array) -> Array:

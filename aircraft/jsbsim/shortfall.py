@@ -118,5 +118,5 @@ def _at(p: Array, x: Array) -> str:
         ("throttle", THROTTLE, 0.0),
     ):
         limit = " (its limit)" if min(abs(x[k] - low), abs(x[k] - 1.0)) < _AT_LIMIT else ""
-        said.append(f"{name} {x[k] + 0.0:.2f}{limit}")
+        said.append(f"{name} {round(float(x[k]), 2) + 0.0:.2f}{limit}")  # never "-0.00"
     return f" at airspeed {p[0]:.2f} m/s with {', '.join(said)}"

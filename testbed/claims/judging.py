@@ -36,11 +36,14 @@ def finer(possible: float, radius: float, bound: float, dt: float) -> str:
 
     possible  m, lower bound of the distance, below `bound`
     radius    m, how far paths may leave the straight lines between samples `dt` [s] apart; grows with dt^2
+
+    With the largest acceleration seen, paths leave the straight lines by half of `radius`. By so much finer
+    samples may come nearer; what then remains above `bound` is the radius that they may have.
     """
-    room = possible + radius - bound
+    room = possible + 0.5 * radius - bound
     if room > 0.0 and np.isfinite(radius):
         share, would = float(np.sqrt(room / radius)), "fdm_dt_s <= {:.2g} would do"
-    else:  # the straight lines themselves are nearer, by less than the paths may leave them
+    else:  # the paths may really come nearer: finer samples will tell, and may find a violation
         share, would = 0.25, "for example fdm_dt_s = {:.2g}"
     period = dt * share
     digit = 10.0 ** (np.floor(np.log10(period)) - 1)

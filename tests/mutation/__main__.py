@@ -82,6 +82,7 @@ TESTS = [
     *("declared_rows", "randomness", "verification_no_steps"),
     *("verification_coverage", "verification_forged_claims", "verification_forged_tables"),
     *("campaign_file", "engines", "provenance", "stability", "trim"),
+    *("continuation", "engines_held", "freshness", "placing", "pulses", "steady_flight"),
 ]
 THIRD_PARTY = (
     "numpy",

@@ -47,13 +47,16 @@ DIRECT = {
     "passing": "verification",
     "path_bounds": "verification",
     "wording": "verification_coverage",
-    "freshness": "provenance",
-    "remaking": "provenance",
-    "shortfall": "trim",
-    "rest": "engines trim",
-    "steady": "trim engines",
-    "climbs": "trim",
-    "continuation": "trim",
+    "freshness": "provenance freshness",
+    "remaking": "provenance freshness",
+    "provenance": "provenance freshness",
+    "stability": "stability pulses",
+    "shortfall": "trim steady_flight",
+    "engines": "engines engines_held",
+    "rest": "placing engines trim",
+    "steady": "trim engines steady_flight",
+    "climbs": "trim steady_flight",
+    "continuation": "trim continuation",
 }
 
 
