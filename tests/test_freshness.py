@@ -16,6 +16,7 @@ from aircraft.autopilots import freshness, remaking
 from aircraft.autopilots.freshness import stale_feedforward, stale_lags
 from aircraft.autopilots.remaking import Remade, remade_autopilot, remade_feedforward, remade_lags
 from aircraft.jsbsim.errors import FdmError
+from testbed.studies.tuning.lags import known_lags
 
 
 @pytest.fixture
@@ -267,6 +268,12 @@ def test_a_feedforward_is_stale_if_edited_or_fitted_to_a_model_that_gives_anothe
 
     monkeypatch.setattr(freshness, "feedforward", fails)
     assert stale_feedforward(other) == model
+
+
+def test_a_tuning_compares_only_with_lags_of_the_airframe_as_it_is(tiny):
+    x8 = with_lags(load(tiny))
+    assert known_lags(x8) is x8.identified
+    assert known_lags(with_lags(load(tiny), fingerprint="00000000-11111111")) is None
 
 
 # -- remaking
