@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aircraft.autopilots import stability
-from aircraft.autopilots.linear_model import Model
 from aircraft.autopilots.stability import Instability, flown_oscillation, instabilities, unstable_modes
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.geodesy import Origin
@@ -33,7 +32,8 @@ def model_of(*modes, loops=("elevator", "aileron")):
         a = np.block([[a, np.zeros((n, len(block)))], [np.zeros((len(block), n)), block]])
         c = np.hstack([c, rows])
     mix = np.random.default_rng(1).normal(size=a.shape) + 3 * np.eye(len(a))
-    return Model(mix @ a @ np.linalg.inv(mix), np.zeros((len(a), 2)), c @ np.linalg.inv(mix), DT, loops, None)
+    back = np.linalg.inv(mix)
+    return SimpleNamespace(a=mix @ a @ back, c=c @ back, dt=DT, loops=loops)
 
 
 @settings(max_examples=30, deadline=None)
@@ -59,7 +59,7 @@ def test_what_does_not_grow_is_no_instability(growth, count):
     """The heading is neutral: a pole at 1, to rounding. A pole at 0 is a motion that ends at once."""
     model = model_of((growth, 2.0, (1.0, 1.0)))
     assert len(unstable_modes(model, 18.0)) == count
-    at_once = Model(np.zeros((1, 1)), np.zeros((1, 2)), np.ones((2, 1)), DT, ("a", "b"), None)
+    at_once = SimpleNamespace(a=np.zeros((1, 1)), c=np.ones((2, 1)), dt=DT, loops=("a", "b"))
     assert unstable_modes(at_once, 18.0) == []
 
 
