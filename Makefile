@@ -57,6 +57,7 @@ lint: $(VENV)/.installed
 guide: $(VENV)/.installed
 	$(BIN)/testbed schema --markdown > docs/guide/scenarios.md
 	$(BIN)/python docs/api_page.py > docs/guide/api.md
+	$(BIN)/python docs/autopilot_page.py docs/guide/figures/blocks > docs/guide/loops.md
 	$(BIN)/python docs/idea_figures.py docs/guide/figures
 
 # Ratios within one run, some minutes; writes docs/guide/performance.md. Not part of pass or fail.

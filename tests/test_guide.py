@@ -20,6 +20,7 @@ from testbed.studies.answer.answer import markdown
 ROOT = Path(__file__).parent.parent
 sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "docs")]
 import api_page  # noqa: E402
+import autopilot_page  # noqa: E402
 from guide_pages import Reader, blocks, commands, known  # noqa: E402
 
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -101,6 +102,8 @@ def test_generated_pages_are_up_to_date() -> None:
     assert (ROOT / "docs/guide/scenarios.md").read_text("utf-8") == reference_page.markdown(), remake
     remake = "python docs/api_page.py > docs/guide/api.md"
     assert (ROOT / "docs/guide/api.md").read_text("utf-8") == api_page.markdown(), remake
+    remake = "make guide"
+    assert (ROOT / "docs/guide/loops.md").read_text("utf-8") == autopilot_page.markdown(), remake
 
 
 def test_the_index_names_every_page() -> None:

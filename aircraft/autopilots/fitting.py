@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from aircraft.airframes.schema import INVERTING, OTHERS, Airframe, identified
 from aircraft.airframes.sensors import PRESETS, sensors_of
-from aircraft.equations.catalogue import equations_of, file_of, flies_its_files, text_of
+from aircraft.equations.catalogue import equations_of, file_of, flies_its_files, sha256_of
 from aircraft.textfile import read_toml
 
 
@@ -47,7 +46,7 @@ def fitted_with(airframe: Airframe, asked: Sequence[str]) -> Airframe:
     suffix = found.fit.removeprefix(INVERTING)
     after["name"] = airframe.name + (suffix if suffix.startswith("@") or not suffix else f"@{suffix}")
     if not file_of(found).is_relative_to(found.folder):
-        after["equations_sha256"] = hashlib.sha256(text_of(found).encode()).hexdigest()
+        after["equations_sha256"] = sha256_of(found)
     return found.model_copy(update=after)
 
 

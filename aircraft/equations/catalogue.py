@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -9,7 +11,7 @@ from pathlib import Path
 from aircraft.airframes.schema import INVERTING, Airframe
 from aircraft.airframes.sensors import Sensors, sensors_of
 from aircraft.equations.compiler import system_xml
-from aircraft.equations.language import DESIGN_DT_S, Equations, parse
+from aircraft.equations.language import DESIGN_DT_S, Equations, parse, without_gains
 from aircraft.equations.sensing import sensed, sensor_values
 from aircraft.textfile import read_text
 
@@ -41,6 +43,17 @@ def text_of(airframe: Airframe) -> str:
         return read_text(path)
     except FileNotFoundError:
         raise ValueError(f"{path} does not exist; write it, or name another autopilot") from None
+
+
+def sha256_of(airframe: Airframe) -> str:
+    """SHA-256 of the equations, for fingerprints: without what the text says of gains.
+
+    The inverting autopilot's long lines count as unbroken: lags were identified when they were.
+    """
+    text = without_gains(text_of(airframe))
+    if airframe.autopilot == INVERTING:
+        text = re.sub(r"(?<=[-+*/,])\n +", " ", text)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def equations_of(airframe: Airframe) -> Equations:

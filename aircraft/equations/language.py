@@ -30,6 +30,7 @@ _PATH = r"[A-Za-z][\w.-]*(?:\[\d+\])?(?:/[A-Za-z][\w.-]*(?:\[\d+\])?)*"
 _PARAMETER = re.compile(
     rf"parameter ([A-Za-z]\w*) = ({_NUMBER})(?: \[([^\]]*)\])?(?: ({_NUMBER}) to ({_NUMBER}))?(?:: (.*))?"
 )
+_GAIN = re.compile(rf"gain ([a-z][\w*]*)(?: \[([^\]]*)\])?(?: ({_NUMBER}) to ({_NUMBER}))?: (.+)")
 _CHANNEL = re.compile(r"== (\w+)(?: for (\w+))?(?: if (\w+))?(?: every (\d+)| at (\d+(?:\.\d+)?) Hz)? ==")
 
 
@@ -60,6 +61,21 @@ class Parameter:
     meaning: str = ""
 
 
+@dataclass(frozen=True)
+class Gain:
+    """What a gain of airframe.toml does: unit, usual range. A * in its name stands for a number."""
+
+    name: str
+    unit: str
+    low: float | None
+    high: float | None
+    meaning: str
+
+    def is_of(self, name: str) -> bool:
+        """Whether this is said of the gain `name`."""
+        return re.fullmatch(re.escape(self.name).replace(r"\*", r"\d+"), name) is not None
+
+
 @dataclass
 class Channel:
     """Equations in order, evaluated every so many periods while ap/CONDITION is set.
@@ -87,6 +103,7 @@ class Equations:
     uses: dict[str, str] = field(default_factory=dict)
     inputs: dict[str, tuple[float, str | None]] = field(default_factory=dict)  # default, section
     parameters: dict[str, Parameter] = field(default_factory=dict)
+    gains: list[Gain] = field(default_factory=list)
     channels: list[Channel] = field(default_factory=list)
 
     def of(self, gains: Iterable[str]) -> Equations:
@@ -104,6 +121,10 @@ class Equations:
     def assigned(self) -> list[str]:
         """Names with an equation, in order, once each."""
         return list(dict.fromkeys(e.name for c in self.channels for e in c.equations))
+
+    def about(self, gain: str) -> Gain | None:
+        """What the file says of a gain of airframe.toml, section_name; None if nothing."""
+        return next((g for g in self.gains if g.is_of(gain)), None)
 
     def read(self) -> set[str]:
         """Names that the equations read."""
@@ -173,7 +194,16 @@ def parse(text: str) -> Equations:
             _take(parsed, line, number)
         except ValueError as error:
             raise ValueError(f"line {number}: {error}") from None
+    needed = parsed.needed() if parsed.gains else set()
+    for gain in parsed.gains:
+        if not any(gain.is_of(name) for name in needed):
+            raise ValueError(f"gain {gain.name}: no equation reads it; remove the line, or correct the name")
     return parsed
+
+
+def without_gains(text: str) -> str:
+    """The text of equations without what it says of gains, which changes no flight."""
+    return re.sub(r"^gain .*\n(?:[ \t]+\S.*\n)*", "", text, flags=re.MULTILINE)
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
@@ -201,6 +231,11 @@ def _take(parsed: Equations, line: str, number: int) -> None:
     elif m := _PARAMETER.fullmatch(line):
         low, high = (None if x is None else float(x) for x in (m[4], m[5]))
         parsed.parameters[m[1]] = Parameter(m[1], float(m[2]), m[3] or "", low, high, m[6] or "")
+    elif m := _GAIN.fullmatch(line):
+        low, high = (None if x is None else float(x) for x in (m[3], m[4]))
+        if any(g.name == m[1] for g in parsed.gains):
+            raise ValueError(f"gain {m[1]} is described twice")
+        parsed.gains.append(Gain(m[1], m[2] or "", low, high, m[5]))
     elif m := _CHANNEL.fullmatch(line):
         rate = None if m[5] is None else float(m[5])
         if m[4] == "0" or rate == 0:
@@ -216,4 +251,4 @@ def _take(parsed: Equations, line: str, number: int) -> None:
         with_, but = (section if word == kind else None for kind in ("for", "without"))
         parsed.channels[-1].equations.append(Equation(name, formula, output, number, with_, but))
     else:
-        raise ValueError(f"not a use, input, parameter, channel or equation: {line}")
+        raise ValueError(f"not a use, input, parameter, gain, channel or equation: {line}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -44,7 +45,8 @@ def trim(name: NameArg, dry_run: DryRunOption = False, as_json: JsonOption = Fal
 
 @app.command(
     short_help="Compile the autopilot.",
-    epilog="Examples: testbed aircraft autopilot my-wing; testbed aircraft autopilot x8 --dry-run",
+    epilog="Examples: testbed aircraft autopilot my-wing; testbed aircraft autopilot x8 --dry-run;"
+    " testbed aircraft autopilot x8@px4 --parameters --diagram px4-blocks",
 )
 def autopilot(
     name: NameArg,
@@ -52,24 +54,51 @@ def autopilot(
     parameters: Annotated[
         bool, typer.Option("--parameters", help="print the autopilot's parameters; write nothing")
     ] = False,
+    as_markdown: Annotated[bool, typer.Option("--markdown", help="print --parameters as Markdown")] = False,
+    diagram: Annotated[
+        Path | None,
+        typer.Option("--diagram", metavar="FOLDER", help="draw block diagrams, one for each output, there"),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compile the autopilot's equations and the gains of airframe.toml to systems/autopilot.xml."""
+    """Compile the autopilot's equations and the gains of airframe.toml to systems/autopilot.xml.
+
+    With --parameters or --diagram nothing is compiled: they show what the equations say.
+    """
     from aircraft.autopilots.remaking import remade_autopilot
 
+    if as_markdown and not parameters:
+        raise UserError("--markdown: belongs to --parameters")
+    if diagram is not None:
+        _diagrams(airframe_of(name), diagram)
     if parameters:
-        _parameters(airframe_of(name), as_json)
+        _parameters(airframe_of(name), as_json, as_markdown)
+    if parameters or diagram is not None:
         return
     _remake(_folder(name), remade_autopilot, dry_run, as_json)
 
 
-def _parameters(airframe: Airframe, as_json: bool) -> None:
+def _diagrams(airframe: Airframe, folder: Path) -> None:
+    """Block diagrams of an airframe's autopilot."""
+    from testbed.report.block_diagram import write
+
+    try:
+        files = write(airframe, folder)
+    except OSError as error:
+        raise UserError(f"cannot write {folder}: {error.strerror}") from None
+    print("block diagrams: " + ", ".join(map(str, files)), file=sys.stderr)
+
+
+def _parameters(airframe: Airframe, as_json: bool, as_markdown: bool) -> None:
     """The table of an autopilot's parameters or gains: value here, default, unit, range, what each does."""
-    from aircraft.autopilots.parameters import table
+    from aircraft.autopilots.parameters import markdown, table
 
     rows = table(airframe)
     if as_json:
         print(json.dumps(rows, indent=2))
+        return
+    if as_markdown:
+        print(markdown(rows))
         return
     show_table(f"Parameters of {airframe.autopilot} on {airframe.title}", rows)
 
