@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,35 +16,13 @@ from aircraft.kinematic import KinematicFleet, Lag
 from filters.flow import flow_filter
 from filters.flow.channels import Channels
 from filters.flow.flow_filter import FlowFilter
-from filters.flow.rollout import Flow, furthest
-from filters.flow.separation import samples
+from filters.flow.phases import Phases
+from filters.flow.rollout import Reach, furthest
+from filters.flow.separation import Kept, samples
 from filters.model import Command, Limits, State, View, step
 from testbed.scenario.scenario import Scenario, load
 from testbed.verification.check import check
-
-# The X8's identified channels.
-LAGS = (Lag(0.32, 0.159, -1.76, 3.55), Lag(0.217, 0.083, -0.598, 0.598), Lag(0.147, 0.137, -6.57, 10.9))
-LOW, HIGH = np.array([15.0, -0.227, -3.9]), np.array([25.0, 0.227, 3.9])
-DT = 0.05
-GAMMA = np.array([16.0, 0.2, 0.0])
-
-
-def flow_of(n: int, lags: tuple[Lag, ...] = LAGS) -> Flow:
-    return Flow(Channels.of([lags], n), np.tile(GAMMA, (n, 1)), DT)
-
-
-def drawn(rng: np.random.Generator, n: int, depth: int) -> tuple[State, np.ndarray, np.ndarray]:
-    """States, rates (n, 3) and queued commands (depth, n, 3)."""
-    poses = np.stack(
-        [
-            rng.uniform(-200, 200, n),
-            rng.uniform(-200, 200, n),
-            rng.uniform(-3, 3, n),
-            rng.uniform(-5, 5, n),
-        ],
-        axis=-1,
-    )
-    return State.of(poses), rng.uniform(LOW, HIGH, (n, 3)), rng.uniform(LOW, HIGH, (depth, n, 3))
+from tests.flow_states import DT, GAMMA, HIGH, LAGS, LOW, drawn, flow_of, one_period_on
 
 
 def test_a_channel_is_integrated_in_closed_form() -> None:
@@ -112,18 +91,7 @@ def test_gammas_flow_goes_on_where_the_period_before_left_it() -> None:
     times = DT * np.arange(1, 201)
     begun = flow.begin(state, rates, queued, times)
     before = flow.roll(begun, u)
-    # One period on: each channel hears one change of command within it.
-    channels, queue = flow.channels, np.concatenate([u[None], queued])
-    back = np.floor(channels.delay / DT + 1e-9).astype(int)
-    until = channels.delay - back * DT
-    heard = [np.take_along_axis(queue, at[None], axis=0)[0] for at in (back + 1, back)]
-    first = channels.towards(rates, heard[0])
-    middle = first.value(until)
-    second = channels.towards(middle, heard[1])
-    then = second.value(DT - until)
-    turned = first.integral(until[..., None]) + second.integral((DT - until)[..., None])
-    now = State(before.at[:, 0].real, before.at[:, 0].imag, state.theta + turned[:, 1, 0], before.z[:, 0])
-    queue = queue[:-1]
+    now, then, queue = one_period_on(flow, state, rates, queued, u)
     after = flow.roll(flow.begin(now, then, queue, times), np.tile(GAMMA, (n, 1)))
     assert np.abs(after.at[:, :-1] - before.at[:, 1:]).max() < 1e-6
     assert np.abs(after.z[:, :-1] - before.z[:, 1:]).max() < 1e-6
@@ -199,7 +167,8 @@ def test_gamma_keeps_every_row_and_rows_are_separable(seed: int) -> None:
     begun = flow.begin(state, rates, queued, flow.times(rates))
     gamma = flow.roll(begun, flow.gamma)
     i, j = np.triu_indices(n, 1)
-    found = samples(gamma, i, j, np.full((n, begun.times.size + 1), np.inf))
+    everywhere = Reach(np.full(gamma.z.shape, np.inf), *(np.full(n, np.inf) for _ in range(3)))
+    found = samples(gamma, i, j, Kept(5.0, 0.1, Phases(0.01), 0.3), everywhere)
     moved = flow.roll(begun, rng.uniform(LOW, HIGH, (n, 3)))
     level = moved.at[i] - moved.at[j]
     height = moved.z[i] - moved.z[j]
@@ -220,7 +189,9 @@ def test_gamma_keeps_every_row_and_rows_are_separable(seed: int) -> None:
     dense = np.hypot(swing, (gamma.z[i] - gamma.z[j])[:, -1:]).min(axis=1)
     assert np.all(found.least <= dense + 1e-9)
     nearest = found.distance[exact.size :].reshape(i.size, -1).min(axis=1)
-    assert np.all(nearest <= dense + 1e-9)
+    # Phases 0.01 rad apart, where the squared distance is C - 2 W cos(phi - phi*).
+    wide = np.abs(gamma.centre[i] - gamma.centre[j]) * np.abs(gamma.arm[i] - gamma.arm[j])
+    assert np.all(nearest <= np.sqrt(dense**2 + wide * 0.005**2) + 1e-9)
 
 
 @settings(max_examples=30, deadline=None)
@@ -235,13 +206,18 @@ def test_no_input_moves_a_vehicle_further_than_the_bound(seed: int) -> None:
     gamma = flow.roll(begun, flow.gamma)
     corners = np.where(rng.random((20, n, 3)) < 0.5, low, high)
     moved = flow.roll(begun, np.concatenate([corners, rng.uniform(low, high, (20, n, 3))]))
-    far = np.hypot(np.abs(moved.at - gamma.at), moved.z - gamma.z)
-    assert np.all(far <= bound[:, :-1] + 1e-9)
-    assert far.max() > 0.3 * bound[:, :-1].max()  # and it is no idle bound
-    turn = np.exp(1j * np.linspace(0, 2 * np.pi, 50))
-    around = (moved.centre - gamma.centre)[..., None] + (moved.arm - gamma.arm)[..., None] * turn
-    circle = np.hypot(np.abs(around), (moved.z - gamma.z)[..., -1:])
-    assert np.all(circle <= bound[:, -1:] + 1e-9)
+    up = moved.z - gamma.z
+    far = np.hypot(np.abs(moved.at - gamma.at), up)
+    assert np.all(far <= bound.at + 1e-9)
+    assert far.max() > 0.3 * bound.at.max()  # and it is no idle bound
+    centre, arm = moved.centre - gamma.centre, moved.arm - gamma.arm
+    assert np.all(np.abs(centre) <= bound.centre + 1e-9) and np.all(np.abs(arm) <= bound.arm + 1e-9)
+    circle = np.hypot(np.abs(centre) + np.abs(arm), up[..., -1])
+    assert np.all(circle <= bound.circle + 1e-9)
+
+
+def unbounded(reach: Reach) -> Reach:
+    return replace(reach, at=np.full_like(reach.at, np.inf), circle=np.full_like(reach.circle, np.inf))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -261,7 +237,7 @@ def test_what_is_left_out_changes_nothing(seed: int, monkeypatch: pytest.MonkeyP
         view = View(state, Command.of(rates))
         monkeypatch.setattr(flow_filter, "furthest", bound)
         one = pruned(view, nominal, limits)
-        monkeypatch.setattr(flow_filter, "furthest", lambda *a: np.full_like(bound(*a), np.inf))
+        monkeypatch.setattr(flow_filter, "furthest", lambda *a: unbounded(bound(*a)))
         two = plain(view, nominal, limits)
         assert np.abs(one.command.array() - two.command.array()).max() < 1e-9
         assert np.array_equal(one.status, two.status)

@@ -72,22 +72,22 @@ def choose(
     slope  (R, 3) m per unit of input, of each row's displacement
     moved  (R,) m, displacements at the targets inside the box
     exact  inputs (..., N, 3) -> displacements (..., R) m of their flow
+
+    Where the slack is negative, a vehicle aims at more than its rows ask; if it cannot have that at all of
+    them, it keeps its rows.
     """
-    least = rows.least - TOLERANCE_M
-    u = wanted.clipped
-    at, need = wanted.gamma, rows.least
-    for _ in range(_CORRECTIONS):
-        fails = np.zeros(len(u), dtype=bool)
-        fails[rows.vehicle[~(moved >= least)]] = True
+    u, reached = wanted.clipped, moved
+    aims = [rows.least + _recovery(wanted, rows, slope), rows.least]
+    for aim in aims if rows.back.any() else aims[1:]:
+        fails = _who(rows, reached < aim - TOLERANCE_M, len(u))
         if not fails.any():
             break
-        # Whoever keeps its rows already is left alone: vehicles do not depend on each other.
-        found = _solve(wanted, rows, slope, need + dot(slope, at[rows.vehicle]))
+        found, there = _nearest(wanted, rows, slope, moved, exact, aim)
         u = np.where(fails[:, None], found, u)
-        moved = exact(u)
-        at, need = u, rows.least - moved
+        reached = np.where(fails[rows.vehicle], there, reached)
     ending = np.where(np.abs(u - wanted.clipped).max(axis=1) > _CHANGED, Ending.SOLVED, Ending.NOMINAL)
-    broken = np.unique(rows.vehicle[~(moved >= least)])
+    least = rows.least - TOLERANCE_M
+    broken = np.flatnonzero(_who(rows, ~(reached >= least), len(u)))
     if broken.size:
         tried = wanted.gamma + DRAWN[:, None, None] * (u - wanted.gamma)
         fails = ~(exact(tried) >= least)
@@ -97,6 +97,37 @@ def choose(
             u[v] = tried[k, v]
             ending[v] = Ending.DRAWN if DRAWN[k] else Ending.EVADING
     return u, ending
+
+
+def _who(rows: Rows, which: NDArray[np.bool_], vehicles: int) -> NDArray[np.bool_]:
+    """The vehicles (N,) of some rows (R,)."""
+    found = np.zeros(vehicles, dtype=bool)
+    found[rows.vehicle[which]] = True
+    return found
+
+
+def _recovery(wanted: Wanted, rows: Rows, slope: Array) -> Array:
+    """What rows of negative slack aim at beyond their least (R,) m: at most half of what they could alone."""
+    v = rows.vehicle
+    end = np.where(slope > 0, wanted.upper[v], wanted.lower[v]) - wanted.gamma[v]
+    return np.minimum(rows.back, 0.5 * dot(slope, end))
+
+
+def _nearest(
+    wanted: Wanted, rows: Rows, slope: Array, moved: Array, exact: Callable[[Array], Array], aim: Array
+) -> tuple[Array, Array]:
+    """Inputs near the targets with displacements of at least `aim`, if there are, and their displacements."""
+    u, at, need = wanted.clipped, wanted.gamma, aim
+    for _ in range(_CORRECTIONS):
+        fails = _who(rows, ~(moved >= aim - TOLERANCE_M), len(u))
+        if not fails.any():
+            break
+        # Whoever keeps its rows already is left alone: vehicles do not depend on each other.
+        found = _solve(wanted, rows, slope, need + dot(slope, at[rows.vehicle]))
+        u = np.where(fails[:, None], found, u)
+        moved = exact(u)
+        at, need = u, aim - moved
+    return u, moved
 
 
 def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array) -> Array:

@@ -19,8 +19,9 @@ from filters.constraints import Indices
 from filters.filter import Check, Decision, Declaration, MonitorRecord
 from filters.flow.channels import Channels, Lag
 from filters.flow.choice import TOLERANCE_M, Ending, Wanted, choose
+from filters.flow.phases import Phases
 from filters.flow.rollout import Begun, Flow, Paths, furthest
-from filters.flow.separation import Rows, rows, samples
+from filters.flow.separation import Kept, Rows, rows, samples
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 
@@ -72,13 +73,22 @@ class FlowFilter:
             raise ValueError(f"the margin must be finite and not negative, got {margin} m")
         if cost not in ("range", "raw"):
             raise ValueError(f"cost is 'range' or 'raw', not {cost!r}")
-        self.flow = Flow(Channels.of(lags, len(gamma)), gamma.array(), dt)
+        self.flow = flow = Flow(Channels.of(lags, len(gamma)), gamma.array(), dt)
+        # How far gamma turns in a period, which is also how far apart the phases looked at are.
+        self._turn = float(flow.gamma[0, 1]) * dt
+        self.phases = Phases(abs(self._turn))
         self.level, self.kappa, self.cost = d_safe + margin, kappa, cost
         self.record = MonitorRecord(checks=flow_checks())
         self.endings = np.zeros(len(Ending), dtype=int)
         self._pairs = np.triu_indices(len(gamma), 1)
         self._queued: deque[Array] = deque(maxlen=max(self.flow.depth, 1))
         self._before: Array | None = None
+        self._clear = np.full((len(gamma), len(gamma)), np.nan)
+
+    @property
+    def clearance(self) -> Array:
+        """The last step's clearances (N, N) m of pairs i < j; nan elsewhere."""
+        return self._clear
 
     @property
     def declaration(self) -> Declaration:
@@ -104,15 +114,18 @@ class FlowFilter:
         paths = flow.paths(begun, covered[::3])
         base, wish = paths[0], paths[1]
         moves = furthest(begun, *covered[:3])
-        found = samples(base, *self._seen(view), self.level + 2 / self.kappa * moves)
-        made = rows(found, self.level, self.kappa, moves)
+        turned = self._turn * (self.record.steps + begun.times.size)
+        kept = Kept(self.level, self.kappa, self.phases, turned)
+        found = samples(base, *self._seen(view), kept, moves)
+        made = rows(found, kept, moves)
         u, ending = wanted.clipped, np.full(n, int(Ending.NOMINAL))
         moved = made.displacement(wish, base)
-        broken = np.unique(made.vehicle[~(moved >= made.least - TOLERANCE_M)])
+        broken = np.unique(made.vehicle[~(moved >= made.least + made.back - TOLERANCE_M)])
         if broken.size:
             u[broken], ending[broken] = self._choose(begun, broken, wanted, covered, base, made)
         clear = np.full((n, n), np.nan)
         clear[found.i, found.j] = found.least - self.level
+        self._clear = clear
         self._note(clear, ending)
         self._queued.appendleft(u.copy())
         short = np.fmax(-np.fmin(np.fmin.reduce(clear, axis=0), np.fmin.reduce(clear, axis=1)), 0.0)

@@ -170,23 +170,38 @@ def _steps(total: Array) -> Array:
     return step
 
 
-def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array) -> Array:
-    """How far (N, M + 1) m any input of the box can move each vehicle at the instants, and on its circle.
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """How far any input of the box can move each vehicle from gamma's flow [m].
+
+    at      (N, M) at the instants
+    centre  (N,) the circle's centre, level
+    arm     (N,) the arm
+    circle  (N,) at any phase of the circle, with its height
+    """
+
+    at: Array
+    centre: Array
+    arm: Array
+    circle: Array
+
+
+def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array) -> Reach:
+    """How far any input of the box can move each vehicle.
 
     gamma, lower, upper  (N, 3, M) integrals of the channels under gamma and under the ends of the box
 
     A channel told more is at no time lower, so the integrals lie between those of the ends. With them the
     bound is a proof: |v e^{j theta} - v' e^{j theta'}| <= |v - v'| + v' |theta - theta'|, a course's change
-    never shrinks along the flow, and c + a e^{j phi} moves with the last instant and twice with the arm.
+    never shrinks along the flow, and an arm of length r moves by r times it at most.
     """
     off = np.maximum(np.abs(lower - gamma), np.abs(upper - gamma))
-    turned = off[:, 1]
-    moved = off[:, 0] + np.cumsum(np.abs(_steps(gamma[:, 0])) * turned, axis=-1)
-    radius = np.abs(begun.gamma[:, 0] / begun.gamma[:, 1])
-    circle = moved[:, -1] + 2 * radius * turned[:, -1]
-    level = np.concatenate([moved, circle[:, None]], axis=-1)
-    up = np.concatenate([off[:, 2], off[:, 2, -1:]], axis=-1)
-    return np.asarray(np.sqrt(level * level + up * up))
+    turned, up = off[:, 1], off[:, 2]
+    level = off[:, 0] + np.cumsum(np.abs(_steps(gamma[:, 0])) * turned, axis=-1)
+    arm = np.abs(begun.gamma[:, 0] / begun.gamma[:, 1]) * turned[:, -1]
+    centre = level[:, -1] + arm
+    circle = centre + arm
+    return Reach(np.sqrt(level**2 + up**2), centre, arm, np.sqrt(circle**2 + up[:, -1] ** 2))
 
 
 def _within(times: Array, begin: Array, long: Array) -> Array:

@@ -15,13 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from filters.constraints import Indices
-from filters.flow.rollout import Complex, Paths
+from filters.flow.phases import Phases
+from filters.flow.rollout import Complex, Paths, Reach
 from filters.model import Array
 
-# Phases of the circles beside that at which a pair is nearest, and all around [rad].
-_BESIDE = np.array([0.01, 0.03, 0.06, 0.1, 0.2, 0.4, 0.8])
-NEAR = np.exp(1j * np.concatenate([-_BESIDE[::-1], [0.0], _BESIDE]))
-AROUND = np.exp(1j * np.arange(8) * (2 * np.pi / 8))
 # Instants looked at together: one distance and the ways flown bound the others.
 _BLOCK = 8
 # Numbers differ by rounding from one way of computing them to another [m].
@@ -51,33 +48,49 @@ class Samples:
     least: Array
 
 
-def samples(gamma: Paths, i: Indices, j: Indices, near: Array) -> Samples:
-    """The samples of pairs when all fly gamma; `gamma` without leading axes.
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What rows keep, and where.
 
-    near  (N, M + 1) m: at larger distances a vehicle has no row, at the instants and on its circle
+    level   m, Ds + m
+    kappa   share of the slack that one period may use up
+    phases  of the circles
+    turned  rad, from where their grid stands to where the arms are
     """
-    instants = gamma.at.shape[-1]
+
+    level: float
+    kappa: float
+    phases: Phases
+    turned: float
+
+
+def samples(gamma: Paths, i: Indices, j: Indices, kept: Kept, reach: Reach) -> Samples:
+    """The samples of pairs when all fly gamma; `gamma` without leading axes."""
     between, swing = gamma.centre[i] - gamma.centre[j], gamma.arm[i] - gamma.arm[j]
+    apart, arms = np.abs(between), np.abs(swing)
     last = gamma.z[i, -1] - gamma.z[j, -1]
-    whole = np.hypot(np.abs(between) - np.abs(swing), last)
-    pair, instant = _looked_at(gamma, i, j, near[:, :instants], whole)
+    whole = np.hypot(apart - arms, last)
+    # At larger distances than these no input can break a row.
+    near = kept.level + 2 / kept.kappa * reach.at
+    near_late = kept.level + 2 / kept.kappa * reach.circle
+    pair, instant = _looked_at(gamma, i, j, near, whole)
     p, q = i[pair], j[pair]
     level, height = gamma.at[p, instant] - gamma.at[q, instant], gamma.z[p, instant] - gamma.z[q, instant]
-    late = np.flatnonzero(whole < np.maximum(near[i, -1], near[j, -1]))
-    nearest = -between[late] * np.conj(swing[late])
-    size = np.abs(nearest)
-    nearest = np.where(size > 0, nearest / np.where(size > 0, size, 1.0), 1.0)
-    around = np.broadcast_to(AROUND, (late.size, AROUND.size))
-    turn = np.concatenate([nearest[:, None] * NEAR, around], axis=1)
-    circle = between[late, None] + swing[late, None] * turn
-    level = np.concatenate([level, circle.ravel()])
-    height = np.concatenate([height, np.repeat(last[late], turn.shape[1])])
+    late = np.flatnonzero(whole < np.maximum(near_late[i], near_late[j]))
+    p, q = i[late], j[late]
+    then = (apart[late] + reach.centre[p] + reach.centre[q]) * (arms[late] + reach.arm[p] + reach.arm[q])
+    parallel = then > kept.phases.limit * (1 - kept.kappa) ** 2 * apart[late] * arms[late]
+    nearest = np.angle(-between[late] * np.conj(swing[late]))
+    which, turn = kept.phases.chosen(nearest, kept.turned, parallel)
+    which = late[which]
+    level = np.concatenate([level, between[which] + swing[which] * turn])
+    height = np.concatenate([height, last[which]])
     distance = np.sqrt(level.real**2 + level.imag**2 + height**2)
     least = whole.copy()
     np.minimum.at(least, pair, distance[: pair.size])
     scale = 1.0 / np.maximum(distance, 1e-9)
-    pair = np.concatenate([pair, np.repeat(late, turn.shape[1])])
-    return Samples(i, j, pair, instant, turn.ravel(), level * scale, height * scale, distance, least)
+    pair = np.concatenate([pair, which])
+    return Samples(i, j, pair, instant, turn, level * scale, height * scale, distance, least)
 
 
 def _looked_at(gamma: Paths, i: Indices, j: Indices, near: Array, whole: Array) -> tuple[Indices, Indices]:
@@ -114,6 +127,7 @@ class Rows:
     other      (R,) the vehicle of which it keeps clear
     along, up  (R,) unit vector: horizontal as a complex number, and vertical
     least      (R,) m, at most 0
+    back       (R,) m, what is aimed at beyond that where the slack is negative
     instant    (T,) of the first T rows, which are about the transient: index of the instant
     turn       (R - T,) complex, exp(j phase) of the others, which are about the circle
     """
@@ -123,6 +137,7 @@ class Rows:
     along: Complex
     up: Array
     least: Array
+    back: Array
     instant: Indices
     turn: Complex
 
@@ -153,26 +168,22 @@ class Rows:
             self.along[here],
             self.up[here],
             self.least[here],
+            self.back[here],
             self.instant[here[:split]],
             self.turn[here[split:]],
         )
 
 
-def rows(found: Samples, level: float, kappa: float, reach: Array) -> Rows:
-    """The rows that some input may break, of both vehicles of each pair.
-
-    level  m, Ds + m
-    kappa  share of the slack that one period may use up
-    reach  (N, M + 1) m, how far any input can move each vehicle at the instants, and on its circle
-    """
+def rows(found: Samples, kept: Kept, reach: Reach) -> Rows:
+    """The rows that some input may break, of both vehicles of each pair."""
     split = found.instant.size
-    allowed = 0.5 * kappa * np.maximum(found.distance - level, 0.0)
-    column = np.full(found.pair.size, reach.shape[1] - 1)
-    column[:split] = found.instant
+    share = 0.5 * kept.kappa * (found.distance - kept.level)
+    allowed = np.maximum(share, 0.0)
     parts: list[list[tuple[Indices, Indices, Indices, float]]] = [[], []]
     for vehicle, other, sign in ((found.i, found.j, 1.0), (found.j, found.i, -1.0)):
         own = vehicle[found.pair]
-        k = np.flatnonzero(allowed < reach[own, column])
+        far = np.concatenate([reach.at[own[:split], found.instant], reach.circle[own[split:]]])
+        k = np.flatnonzero(allowed < far)
         cut = int(np.searchsorted(k, split))
         for part, some in zip(parts, (k[:cut], k[cut:]), strict=True):
             part.append((own[some], other[found.pair[some]], some, sign))
@@ -186,6 +197,7 @@ def rows(found: Samples, level: float, kappa: float, reach: Array) -> Rows:
         sign_of * found.away[sample],
         sign_of * found.up[sample],
         -allowed[sample],
+        np.maximum(-share[sample], 0.0),
         found.instant[sample[:cut]],
         found.turn[sample[cut:] - split],
     )
