@@ -33,7 +33,7 @@ def model_of(*modes, loops=("elevator", "aileron")):
         c = np.hstack([c, rows])
     mix = np.random.default_rng(1).normal(size=a.shape) + 3 * np.eye(len(a))
     back = np.linalg.inv(mix)
-    return SimpleNamespace(a=mix @ a @ back, c=c @ back, dt=DT, loops=loops)
+    return SimpleNamespace(cycle=lambda: (mix @ a @ back, c @ back, DT), loops=loops)
 
 
 @settings(max_examples=30, deadline=None)
@@ -59,7 +59,7 @@ def test_what_does_not_grow_is_no_instability(growth, count):
     """The heading is neutral: a pole at 1, to rounding. A pole at 0 is a motion that ends at once."""
     model = model_of((growth, 2.0, (1.0, 1.0)))
     assert len(unstable_modes(model, 18.0)) == count
-    at_once = SimpleNamespace(a=np.zeros((1, 1)), c=np.ones((2, 1)), dt=DT, loops=("a", "b"))
+    at_once = SimpleNamespace(cycle=lambda: (np.zeros((1, 1)), np.ones((2, 1)), DT), loops=("a", "b"))
     assert unstable_modes(at_once, 18.0) == []
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -71,15 +71,22 @@ _CALLS: dict[str, Any] = {
 }
 
 
-def evaluate(airframe: Airframe, values: Mapping[str, Any]) -> dict[str, Any]:
+def evaluate(airframe: Airframe, values: Mapping[str, Any], frame: int | None = None) -> dict[str, Any]:
     """One period of the autopilot's equations, here instead of in JSBSim; values may be arrays.
 
     values  every name the equations use or assign, `dt` and the channels' `period` in seconds; returns them
             after the period.
+    frame   number of the period: only channels that are due run, each with the period of its own; None runs
+            all with `period`
     """
     now: dict[str, Any] = {**values_of(airframe), **values}
     now.setdefault(PERIOD, now.get("dt"))
     for channel in of_airframe(airframe).channels:
+        if frame is not None:
+            every = channel.periods(now["dt"])
+            if frame % every:
+                continue
+            now[PERIOD] = every * now["dt"]
         # A channel is on or off as a whole; perturbations do not switch it.
         if channel.condition is None or np.all(now[channel.condition] != 0):
             for e in channel.equations:
@@ -93,12 +100,20 @@ def _compiled(formula: str) -> Any:
 
 
 def linearise(
-    airframe: Airframe, memory: Mapping[str, float], dt: float, names: tuple[str, ...]
-) -> LinearAutopilot:
-    """The equations' derivatives around `memory`, by central differences, all columns in one evaluation."""
+    airframe: Airframe,
+    memory: Mapping[str, float],
+    dt: float,
+    names: tuple[str, ...],
+    frames: Sequence[int | None] = (None,),
+) -> list[LinearAutopilot]:
+    """The equations' derivatives around `memory`, by central differences, all columns in one evaluation.
+
+    frames  one linearisation for each, with a common memory; see `evaluate`
+    """
     assigned, used = of_airframe(airframe).assigned(), list(of_airframe(airframe).uses)
     probes = [f"{name}_probe" for name in names]
     columns = [*assigned, *used, *probes, *COMMANDS]
+    outputs = [*assigned, *(f"{name}_norm" for name in names)]
     centre = np.array([memory[n] for n in columns])
     steps = 1e-6 * np.maximum(np.abs(centre), 1e-2)
     if "dt" in used:
@@ -106,22 +121,33 @@ def linearise(
     shifts = np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
     values: dict[str, Any] = {**memory, **dict(zip(columns, centre[:, None] + shifts, strict=True))}
     values |= {"dt": dt, PERIOD: dt}
-    after = evaluate(airframe, values)
-    n = len(columns)
-    outputs = [*assigned, *(f"{name}_norm" for name in names)]
-    spread = np.array([np.broadcast_to(after[o], 2 * n) for o in outputs])
-    jacobian = (spread[:, :n] - spread[:, n:]) / (2 * np.where(steps == 0, 1.0, steps))
-    s, u = len(assigned), len(assigned) + len(used)
+    n, s, u = len(columns), len(assigned), len(assigned) + len(used)
     p = u + len(probes)
-    # Only what is read before it is assigned is memory.
-    kept = np.flatnonzero(np.any(jacobian[:, :s] != 0, axis=0))
-    return LinearAutopilot(
-        tuple(assigned[k] for k in kept),
-        jacobian[np.ix_(kept, kept)],
-        jacobian[kept, s:u],
-        jacobian[kept, u:p],
-        jacobian[kept, p:],
-        jacobian[s:][:, kept],
-        jacobian[s:, s:u],
-        jacobian[s:, p:],
-    )
+    found = []
+    for frame in frames:
+        after = evaluate(airframe, values, frame)
+        spread = np.array([np.broadcast_to(after[o], 2 * n) for o in outputs])
+        found.append((spread[:, :n] - spread[:, n:]) / (2 * np.where(steps == 0, 1.0, steps)))
+    # Only what is read before it is assigned is memory; what a frame merely holds is not read in it.
+    moving = found if len(found) == 1 else [_without_holding(jacobian, s) for jacobian in found]
+    kept = np.flatnonzero(np.any([np.any(jacobian[:, :s] != 0, axis=0) for jacobian in moving], axis=0))
+    return [
+        LinearAutopilot(
+            tuple(assigned[k] for k in kept),
+            jacobian[np.ix_(kept, kept)],
+            jacobian[kept, s:u],
+            jacobian[kept, u:p],
+            jacobian[kept, p:],
+            jacobian[s:][:, kept],
+            jacobian[s:, s:u],
+            jacobian[s:, p:],
+        )
+        for jacobian in found
+    ]
+
+
+def _without_holding(jacobian: Array, assigned: int) -> Array:
+    """The derivatives without the ones of assigned names that keep their value."""
+    held = np.all(np.abs(jacobian - np.eye(*jacobian.shape)) < 1e-12, axis=1)
+    held[assigned:] = False
+    return np.where(held[:, None], 0.0, jacobian)

@@ -8,6 +8,7 @@ included.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,10 +55,13 @@ def response(
     dt: float = 0.005,
     duration: float = 30.0,
     near: Trim | None = None,
+    waits: Sequence[int] = (0,),
 ) -> Response:
     """The loop broken at `loop`, one of LOOPS, around level trim at ground speed v [m/s] in still air.
 
-    near  a trim of a flight like this one, which makes starting quicker
+    near   a trim of a flight like this one, which makes starting quicker
+    waits  periods before the impulse, a flight each, of which the mean is taken: where channels are slow, it
+           matters how long an impulse waits for them (`waits_of`)
 
     The difference of an impulse up and one down cancels what the trim leaves and the even nonlinearities.
     Where servos hear a command only every few periods, the impulse lasts as long: a shorter one could go by
@@ -65,10 +69,12 @@ def response(
     """
     rate = sensors_of(airframe.sensors).servo_rate_hz
     width = max(1, round(1 / (rate * dt))) if rate else 1
-    up, down = (
-        _impulse(airframe, v, loop, dt, duration, sign * _IMPULSE, width, near) for sign in (1.0, -1.0)
-    )
-    impulse = (up - down) / (2 * _IMPULSE)
+    flights = [
+        sign * _impulse(airframe, v, loop, dt, duration, sign * _IMPULSE, width, near, wait)
+        for wait in waits
+        for sign in (1.0, -1.0)
+    ]
+    impulse = np.sum(flights, axis=0) / (len(flights) * _IMPULSE)
     sensitivity = np.fft.rfft(impulse, 4 * len(impulse))
     frequency = 2 * np.pi * np.fft.rfftfreq(4 * len(impulse), dt)
     # Below, the record is too short; at the Nyquist frequency the loop has no phase.
@@ -76,6 +82,14 @@ def response(
     if width > 1:
         sensitivity[keep] /= np.exp(-1j * np.outer(frequency[keep] * dt, np.arange(width))).sum(axis=1)
     return Response(frequency[keep], 1.0 / sensitivity[keep] - 1.0)
+
+
+def waits_of(model: Model | None, flights: int = 4) -> list[int]:
+    """Waits for `response`, spread over the cycle of the model's slow channels; only 0 without such."""
+    if model is None or model.frames is None:
+        return [0]
+    cycle = len(model.frames[0])
+    return list(range(0, cycle, max(1, cycle // flights)))
 
 
 def _impulse(
@@ -87,11 +101,14 @@ def _impulse(
     size: float,
     width: int,
     near: Trim | None,
+    wait: int,
 ) -> Array:
-    """The plant input (T,) when `size` is added to it in the first `width` periods."""
+    """The plant input (T,) from the first of the `width` periods on in which `size` is added to it."""
     fdm = Fdm(airframe, dt, Origin())
     fdm.start(Start(0.0, 0.0, 0.0, 0.0, v), near)
     probe, total = fdm.node(f"ap/{loop}-probe"), fdm.node(f"ap/{loop}-norm")
+    if wait:
+        fdm.run((0.0, 0.0, 0.0), wait)
     probe.set_double_value(size)
     out = np.empty(round(duration / dt))
     for k in range(len(out)):
@@ -118,6 +135,8 @@ def margins(measured: Response) -> Margins:
 
 def model_response(model: Model, loop: str, frequency: NDArray[np.floating[Any]]) -> Response:
     """The loop transfer of a linear model at `frequency` [rad/s]."""
+    if model.frames is not None:
+        return Response(frequency, 1.0 / model.sensitivity(loop, frequency) - 1.0)
     a, b, c = model.loop(loop)
     z = np.exp(1j * frequency * model.dt)[:, None, None]
     gain = c @ np.linalg.solve(z * np.eye(len(a)) - a, b[None])
@@ -129,9 +148,12 @@ def model_margins(model: Model, loop: str) -> Margins:
     import control
 
     frequency = np.geomspace(1e-2, 0.98 * np.pi / model.dt, 500)
-    at = control.frd(model_response(model, loop, frequency).loop, frequency, dt=model.dt)
+    found = model_response(model, loop, frequency)
+    at = control.frd(found.loop, frequency, dt=model.dt)
     gain, phase, _, _, crossovers, _ = control.stability_margins(at, returnall=True)
-    disk, _, _ = control.disk_margins(control.ss(*model.loop(loop), 0.0, model.dt), frequency, skew=0.0)
+    disk = margins(found).disk
+    if model.frames is None:
+        disk, _, _ = control.disk_margins(control.ss(*model.loop(loop), 0.0, model.dt), frequency, skew=0.0)
     return Margins(
         gain_db=float(min(abs(20 * np.log10(np.asarray(gain))), default=np.inf)),
         phase_deg=float(min(abs(np.asarray(phase)), default=np.inf)),

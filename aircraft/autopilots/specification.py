@@ -11,7 +11,7 @@ import numpy as np
 from aircraft.airframes.schema import INVERTING, Airframe, Speeds
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import linear_or_none
-from aircraft.autopilots.margins import Margins, margins, model_response, response
+from aircraft.autopilots.margins import Margins, margins, model_response, response, waits_of
 from aircraft.autopilots.stability import unstable_modes
 from aircraft.autopilots.tuning import Flight, Score, course_rate, fly, score
 from aircraft.jsbsim.fdm import Fdm
@@ -244,7 +244,7 @@ def margin_rows(
         for loop in loops(airframe):
             found = _NO_MARGINS
             if stable and (model is None or (loop == "throttle" and model.point.engine_lag)):
-                found = margins(response(airframe, v, loop, dt))
+                found = margins(response(airframe, v, loop, dt, waits=waits_of(model)))
             elif stable and model is not None:
                 found = margins(model_response(model, loop, _FREQUENCY))
             for name, bound in MARGINS.items():

@@ -62,12 +62,13 @@ class Instability:
 
 def unstable_modes(model: Model, v: float) -> list[Instability]:
     """Poles that grow, one of each conjugate pair, the fastest first."""
-    values, vectors = np.linalg.eig(model.a)
+    a, c, lasts = model.cycle()
+    values, vectors = np.linalg.eig(a)
     found = []
     for z, vector in zip(values.astype(complex), vectors.T, strict=True):
-        growth, frequency = math.log(max(abs(z), 1e-300)) / model.dt, float(np.angle(z)) / model.dt
+        growth, frequency = math.log(max(abs(z), 1e-300)) / lasts, float(np.angle(z)) / lasts
         if growth > _NEUTRAL_PER_S and frequency >= 0:
-            loop = model.loops[int(np.argmax(np.abs(model.c @ vector)))]
+            loop = model.loops[int(np.argmax(np.abs(c @ vector)))]
             found.append(Instability(v, loop, frequency, growth))
     return sorted(found, key=lambda mode: -mode.growth)
 

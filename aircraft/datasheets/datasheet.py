@@ -21,6 +21,7 @@ from aircraft.autopilots.margins import (
     model_response,
     modes,
     response,
+    waits_of,
 )
 from aircraft.autopilots.specification import (
     CLIMB,
@@ -138,7 +139,8 @@ def describe(
 
 def compare(airframe: Airframe, v: float, loop: str) -> Loop:
     """One loop by the linear model and by injection."""
-    model, measured = linear_model(airframe, v), response(airframe, v, loop)
+    model = linear_model(airframe, v)
+    measured = response(airframe, v, loop, waits=waits_of(model))
     some = np.unique(np.geomspace(1, len(measured.frequency), 400).astype(int)) - 1
     thin = Response(measured.frequency[some], measured.loop[some])
     same = model_response(model, loop, thin.frequency)

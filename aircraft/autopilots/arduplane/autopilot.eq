@@ -145,13 +145,10 @@ now_east_mps = east_mps - 0.3048 * wind_east_fps
 now_north_mps = north_mps - 0.3048 * wind_north_fps
 crab_cos = max((now_east_mps * course_east + now_north_mps * course_north)
   / max(sqrt(now_east_mps * now_east_mps + now_north_mps * now_north_mps), 3), 0.3)
-roll_asked_rad = -atan(v_mps * omega_cmd_radps / (9.80665 * crab_cos))
 # Bank that leaves the wing lift enough, never below 25 deg.
 stall_mps = where(AIRSPEED_STALL > 0, AIRSPEED_STALL, AIRSPEED_MIN)
 load_allowed = max(airspeed_mps * airspeed_mps / (stall_mps * stall_mps), 1)
 roll_max_rad = min(ROLL_LIMIT_DEG / 57.29578, max(atan(sqrt(load_allowed * load_allowed - 1)), 0.436332))
-roll_demand_rad = clip(roll_asked_rad, -roll_max_rad, roll_max_rad)
-limited_omega = abs(roll_asked_rad) > roll_max_rad
 # ArduPlane has no climb rate command: the height asked for is moved on, ten times a second.
 height_asked_m = clip(height_asked_m + period * zeta_cmd_mps, height_m - HEIGHT_WINDOW, height_m + HEIGHT_WINDOW)
 
@@ -235,6 +232,10 @@ limited_zeta = max(max(zeta_cmd_mps > TECS_CLMB_MAX, zeta_cmd_mps < -TECS_SINK_M
   max(balance_rate_demand != balance_rate_wanted, clip(pitch_wanted_rad, pitch_min_rad, pitch_max_rad) != pitch_wanted_rad))
 
 == attitude if on at 50 Hz ==
+# A bank that is asked for from outside is taken over in every loop; only ArduPlane's own navigation is slower.
+roll_asked_rad = -atan(v_mps * omega_cmd_radps / (9.80665 * crab_cos))
+roll_demand_rad = clip(roll_asked_rad, -roll_max_rad, roll_max_rad)
+limited_omega = abs(roll_asked_rad) > roll_max_rad
 scaler_wanted = clip(SCALING_SPEED / airspeed_mps, min(0.5, SCALING_SPEED / (2 * AIRSPEED_MAX)),
   max(2, SCALING_SPEED / (0.7 * AIRSPEED_MIN)))
 scaler = scaler + period / (period + 0.0795775) * (scaler_wanted - scaler)
