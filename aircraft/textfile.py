@@ -32,9 +32,10 @@ class TextError(ValueError):
         self.line = line
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, largest: int = LARGEST_BYTES) -> str:
     """A file as text with line feeds, whatever its byte order mark and line ends.
 
+    largest  bytes that it may have
     Raises  FileNotFoundError; TextError for a file that is no text, or cannot be read
     """
     try:
@@ -42,8 +43,8 @@ def read_text(path: Path) -> str:
         # Reading a pipe or a device could wait for ever.
         if not stat.S_ISREG(found.st_mode):
             raise TextError("is not an ordinary file")
-        if found.st_size > LARGEST_BYTES:
-            raise TextError(f"is larger than {LARGEST_BYTES / 1e6:g} MB")
+        if found.st_size > largest:
+            raise TextError(f"is larger than {largest / 1e6:g} MB")
         content = path.read_bytes()
     except FileNotFoundError:
         raise

@@ -43,6 +43,7 @@ ORDER = {
         "records",
         "environment",
         "components",
+        "encounters",
         "measures",
         "claims",
         "verification",

@@ -13,6 +13,7 @@ from testbed.cli import (
     answer,
     campaign,
     compare,
+    encounters,
     export,
     falsify,
     figures,
@@ -98,6 +99,7 @@ _add("tune", tune.tune, tune.TUNE_EXAMPLES, "Score, sweep or optimise an airfram
 _add("report", cli_report.report, cli_report.EXAMPLE, "Write one HTML page of what other commands wrote.")
 _add("export", export.export, export.EXAMPLE, "Convert a run for Tacview, or to CSV.")
 _add("ledger", ledger.ledger, ledger.EXAMPLE, "Compare predicted and realised hdot of a run.")
+app.add_typer(encounters.app, name="encounters")
 app.add_typer(regress.app, name="regress")
 app.add_typer(campaign.app, name="campaign")
 _add("falsify", falsify.falsify, falsify.EXAMPLES, "Search for a violation, and shrink it.")

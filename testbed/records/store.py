@@ -48,6 +48,7 @@ MARKS = (
     "campaign.json",
     "export.json",
     "falsify.json",
+    "encounters.json",
 )
 
 
