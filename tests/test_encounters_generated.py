@@ -107,5 +107,5 @@ def test_what_cannot_be_generated_is_refused(refusal: Callable[..., str]) -> Non
     assert "--vehicles 1: give 2 to 200" in refusal(*make, "wall", "--vehicles", "1", "--out", "o")
     assert "--density 0: give" in refusal(*make, "random", "--density", "0", "--out", "o")
     assert "--miss -1: give" in refusal(*make, "wall", "--miss", "-1", "--out", "o")
-    said = refusal(*make, "random", "--density", "1000", "--vehicles", "200", "--out", "o")
+    said = refusal(*make, "random", "--density", "10000", "--vehicles", "200", "--out", "o")
     assert "no safe start for vehicle" in said and "give a lower --density" in said

@@ -37,8 +37,8 @@ class Settings:
     def __post_init__(self) -> None:
         if not 2 <= self.vehicles <= 200:
             raise UserError(f"--vehicles {self.vehicles}: give 2 to 200")
-        if not 0.01 <= self.density <= 1000:
-            raise UserError(f"--density {self.density:g}: give 0.01 to 1000 vehicles per square kilometre")
+        if not 0.01 <= self.density <= 10_000:
+            raise UserError(f"--density {self.density:g}: give 0.01 to 10000 vehicles per square kilometre")
         if not 0 <= self.miss_m <= 500:
             raise UserError(f"--miss {self.miss_m:g}: give 0 to 500 m")
 
