@@ -175,3 +175,154 @@ def test_of_a_path_sampled_twice_nothing_is_known_between():
     assert np.isinf(bends.radius(np.array([0]), np.array([1]))[0])
     bends.update(np.zeros((3, 3, 2)), 1)
     assert bends.radius(np.array([0]), np.array([1]))[0] == 0.0
+
+
+def test_the_radius_of_a_constant_acceleration_is_that_of_twice_its_size():
+    """2 a T^2 / 8 for each of a pair, the accelerations of the three vehicles being 1, 2 and 6 m/s^2."""
+    dt, a = 0.1, np.array([1.0, 2.0, 6.0])
+    t = dt * np.arange(6)
+    track = np.zeros((3, 6, 3))
+    track[1] = 0.5 * a * t[:, None] ** 2
+    bends = Bends(3)
+    bends.update(track, 3)
+    np.testing.assert_allclose(bends.largest, a * dt**2, rtol=1e-9)
+    i, j = all_pairs(3)
+    np.testing.assert_allclose(bends.radius(i, j), 2 * (a[i] + a[j]) * dt**2 / 8, rtol=1e-9)
+
+
+# Arcs whose closest approach is known
+
+
+def test_the_closest_approach_of_pairs_that_part_or_meet_is_at_the_begin_or_the_end():
+    """On straight lines, one pair overtaking at 10 m/s, the other falling behind so."""
+    a = State([0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+    b = State([30.0, 50.0], [3.0, 4.0], [0.0, 0.0], [4.0, 3.0])
+    rates_b = Command([30.0, 10.0], 0.0, 0.0)
+    _, reached, when = closest_on_arcs(a, Command([20.0, 20.0], 0.0, 0.0), b, rates_b, 2.0)
+    assert list(when) == [0.0, 2.0]
+    np.testing.assert_allclose(reached, [np.hypot(30, 5), np.hypot(30, 5)], rtol=1e-15)
+
+
+def test_arcs_whose_accelerations_are_equal_at_first_are_bounded_by_their_turning_apart():
+    """Equal v omega and course: the offset's acceleration is 0 at first, and grows with the period."""
+    rng = np.random.default_rng(5)
+    m = 300
+    a = State(rng.normal(0, 15, m), rng.normal(0, 15, m), 0.0, 0.0)
+    b = State(np.zeros(m), 0.0, 0.0, 0.0)
+    rates_a, rates_b = Command(np.full(m, 20.0), 0.2, 0.0), Command(np.full(m, 10.0), 0.4, 0.0)
+    low, reached, _ = closest_on_arcs(a, rates_a, b, rates_b, 5.0)
+    brute, width = sampled(a, rates_a, b, rates_b, 5.0, 4001)
+    assert np.all(reached <= brute + 1e-9) and np.all(low >= reached - TOLERANCE_M)
+    assert np.all(reached >= brute - 0.5 * width * 30.0)
+
+
+def approach(monkeypatch, places, rates, enough, periods=1, dt=0.1, t=(0.0,)):
+    """After so many equal filter periods on arcs, and the arcs that were searched: (period, i, j)."""
+    from testbed.measures import between_samples
+
+    n, searched = len(places), []
+    i, j = all_pairs(n)
+    now, flown = State.of(np.array(places, dtype=float)), Command.of(np.array(rates, dtype=float))
+    starts, samples = [], [now.position]
+    for _ in t:
+        starts.append(now.array())
+        samples += [step(now, flown, k * dt).position for k in range(1, periods + 1)]
+        now = step(now, flown, periods * dt)
+    offset = np.array(samples)[:, i] - np.array(samples)[:, j]
+    chords = nearest_on_chords(offset[:-1], offset[1:]).reshape(len(t), periods, i.size)
+
+    def search(a, rates_a, b, rates_b, period, enough=np.inf):
+        assert period == periods * dt
+        for one, two in zip(a.array(), b.array(), strict=True):
+            [k] = {k for k, s in enumerate(starts) if (s == one).all(axis=1).any()}
+            who = [int(np.flatnonzero((starts[k] == x).all(axis=1))[0]) for x in (one, two)]
+            searched.append((k, *who, enough))
+        return closest_on_arcs(a, rates_a, b, rates_b, period, enough)
+
+    monkeypatch.setattr(between_samples, "closest_on_arcs", search)
+    found = ArcApproach(i, j, enough)
+    found.update(
+        np.array(t), State.of(np.array(starts)), Command.of(np.array([flown.array()] * len(t))), chords, dt
+    )
+    return found, searched, chords
+
+
+def test_only_arcs_that_may_come_near_enough_are_searched(monkeypatch):
+    """Side by side at 20 m/s, turning at 0.4 rad/s: within 0.1 s a path leaves its chord by 1 cm at most.
+
+    The pairs are 5.00, 5.01 and 10.01 m apart for ever; 5.0 + 2 cm bounds what has to be searched.
+    """
+    places = [[0.0, 0.0, 0.0, 0.0], [0.0, 5.0, 0.0, 0.0], [0.0, -5.01, 0.0, 0.0]]
+    rates = [[20.0, 0.4, 0.0]] * 3
+    leaves = 20.0 * 0.4 * 0.1**2 / 8
+    pairs = [5.0, 5.01, 10.01]
+    for enough, due in (
+        (4.97, []),
+        (4.985, [(0, 0, 1)]),
+        (4.995, [(0, 0, 1), (0, 0, 2)]),
+        (5.02, [(0, 0, 1), (0, 0, 2)]),
+    ):
+        found, searched, chords = approach(monkeypatch, places, rates, enough)
+        assert searched == [(*arc, enough) for arc in due], enough
+        np.testing.assert_allclose(chords[0, 0], pairs, atol=1e-12)
+        for p, distance in enumerate(pairs):
+            if (0, 0, p + 1) in due:
+                assert min(enough, distance) - 2 * TOLERANCE_M <= found.possible[p] <= distance + 1e-12
+            else:
+                assert found.possible[p] == pytest.approx(distance - 2 * leaves, abs=1e-12)
+        assert np.isinf(found.least.value[2]) and np.isnan(found.least.t[2])
+
+
+def test_of_a_pair_that_comes_near_once_only_that_period_is_searched(monkeypatch):
+    """Head-on at 40 m/s, 3 m aside, from 14 m: in the fourth of six periods of 0.1 s they pass."""
+    places = [[-7.0, 0.0, 0.0, 0.0], [7.0, 3.0, np.pi, 0.0], [0.0, 80.0, 0.0, 0.0]]
+    rates = [[20.0, 0.0, 0.0], [20.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    t = 7.0 + 0.1 * np.arange(6)
+    found, searched, chords = approach(monkeypatch, places, rates, 3.05, t=t)
+    assert {arc[:3] for arc in searched} == {(3, 0, 1)}
+    assert found.least.value[0] == pytest.approx(3.0, abs=1e-9)
+    assert found.least.t[0] == pytest.approx(7.35, abs=1e-4)
+    assert 3.0 - 2 * TOLERANCE_M <= found.possible[0] <= 3.0 + 1e-12
+    np.testing.assert_allclose(found.possible[1:], chords.min(axis=(0, 1))[1:], rtol=1e-12)
+    # With the nearest period just above what is enough the next ones bound what is possible.
+    found, searched, chords = approach(monkeypatch, places, rates, 2.9, t=t)
+    assert searched == [] and found.possible[0] == pytest.approx(3.0, abs=1e-9)
+
+
+def test_of_a_pair_the_periods_that_stay_away_bound_what_is_possible_too(monkeypatch):
+    """One that turns is searched in the periods in which it may touch, and bounded in the others."""
+    places = [[0.0, 0.0, 0.0, 0.0], [0.0, 6.0, 0.0, 0.0]]
+    rates = [[20.0, 0.0, 1.0], [20.0, 0.0, 0.0]]  # climbs away: 6 m at first, then more
+    found, searched, chords = approach(monkeypatch, places, rates, 6.05, t=tuple(0.1 * np.arange(10)))
+    assert [arc[0] for arc in searched] == [k for k in range(10) if chords[k, 0, 0] < 6.05]
+    assert 6.0 - 2 * TOLERANCE_M <= found.possible[0] <= 6.0 + 1e-12
+    assert (found.least.value[0], found.least.t[0]) == (6.0, 0.0)
+
+
+def test_a_distance_that_stays_the_same_was_reached_when_it_was_first(monkeypatch):
+    places = [[0.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 0.0]]
+    found, _, _ = approach(monkeypatch, places, [[16.0, 0.0, 0.0]] * 2, 6.0, t=(1.0, 2.0, 3.0), dt=0.125)
+    assert (found.least.value[0], found.least.t[0]) == (3.0, 1.0)
+
+
+def test_bends_of_rates_count_each_vehicle_for_itself(monkeypatch):
+    """One flies straight, the other turns: 20 m/s at 0.8 rad/s leaves a chord of 0.1 s by 2 cm."""
+    places = [[0.0, 0.0, 0.0, 0.0], [0.0, 50.0, 0.0, 0.0], [0.0, 150.0, 0.0, 0.0]]
+    rates = [[20.0, 0.0, 0.0], [20.0, 0.8, 0.0], [20.0, -0.4, 0.0]]
+    found, searched, chords = approach(monkeypatch, places, rates, 5.0, periods=2)
+    assert searched == []
+    due = chords.min(axis=(0, 1)) - np.array([0.02, 0.01, 0.03])
+    np.testing.assert_allclose(found.possible, due, atol=1e-12)
+
+
+def test_no_time_changes_nothing():
+    found = ArcApproach(*all_pairs(2), 5.0)
+    none = State.of(np.zeros((0, 2, 4))), Command.of(np.zeros((0, 2, 3)))
+    found.update(np.zeros(0), *none, np.zeros((0, 1, 1)), 0.1)
+    assert np.isinf(found.possible[0]) and np.isinf(found.least.value[0])
+
+
+def test_the_nearest_point_of_a_chord_is_inside_it_or_an_end_of_it():
+    first = np.array([[3.0, -1.0, 4.0], [3.0, 0.0, 0.0], [2.0, 2.0, 1.0], [0.0, 3.0, 4.0]])
+    last = np.array([[3.0, 1.0, 4.0], [9.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 3.0, 4.0]])
+    np.testing.assert_allclose(nearest_on_chords(first, last), [5.0, 3.0, np.sqrt(3), 5.0], rtol=1e-12)

@@ -7,6 +7,7 @@ import pytest
 
 from filters.constraints import Constraints
 from filters.model import Limits
+from filters.qp.single import RESIDUAL
 from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.extreme import Extreme
 
@@ -82,6 +83,24 @@ def test_a_command_at_the_limits_that_satisfies_all_rows_is_a_solution() -> None
     assert seen((0.0, [rows([[1, 0, 0]], [30.0])], at)).unsolvable == 0
 
 
+def test_a_command_that_satisfies_all_rows_is_proof_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the limits, and by the residual: no linear program is solved."""
+
+    def solved(*_: object) -> tuple[float, None]:
+        raise AssertionError
+
+    monkeypatch.setattr("testbed.measures.declared_rows.best_margin", solved)
+    at = np.array([[20.0, 0.5, -2.0], [10.0, -0.5, 2.0]])
+    assert seen((0.0, [rows([[0, 0, 0]], [RESIDUAL])], at)).unsolvable == 0
+
+
+def test_a_row_that_names_a_vehicle_twice_asks_for_both_parts() -> None:
+    """2 v2 >= 40 is at the limit, 2 v2 >= 41 beyond it."""
+    found = seen((0.0, [rows([[1, 0, 0]], [40.0], (1, 1)), rows([[1, 0, 0]], [39.0], (1, 1))], MIDDLE))
+    assert (found.least, found.unsolvable) == (-10.0, 0)
+    assert seen((0.0, [rows([[1, 0, 0]], [41.0], (1, 1))], MIDDLE)).unsolvable == 1
+
+
 def test_a_row_that_is_no_number_stays() -> None:
     bad, fine = rows([[np.nan, 0, 0]], [0.0]), rows([[1, 0, 0]], [-1e9])
     found = seen((0.0, [fine], MIDDLE), (1.0, [bad], MIDDLE), (2.0, [rows([[1, 0, 0]], [99.0])], MIDDLE))
@@ -93,3 +112,31 @@ def test_an_extreme_of_nothing_is_nobody() -> None:
     place, value, t = Extreme.of(3).worst()
     assert place == -1 and np.isnan(value) and np.isnan(t)
     assert Extreme.of(0).worst()[0] == -1
+
+
+def test_an_extreme_is_the_least_of_each_quantity_with_the_time_it_was_first_seen() -> None:
+    rng = np.random.default_rng(2)
+    # Few different values, so that the least comes more than once.
+    values, t = rng.integers(0, 6, (40, 5)).astype(float), 0.5 * np.arange(40)
+    blocks, single = Extreme.of(5), Extreme.of(5)
+    assert blocks.t.dtype == blocks.value.dtype == float
+    for k in range(0, 40, 8):
+        blocks.update(t[k : k + 8], values[k : k + 8])
+    for now, value in zip(t, values, strict=True):
+        single.update(float(now), value)
+    for found in (blocks, single):
+        assert np.array_equal(found.value, values.min(axis=0))
+        assert np.array_equal(found.t, t[values.argmin(axis=0)])
+        p = int(np.argmin(found.value))
+        assert found.worst() == (p, found.value[p], found.t[p])
+
+
+def test_an_extreme_among_some_is_that_of_those() -> None:
+    seen = Extreme(np.array([3.0, 1.0, 2.0]), np.array([0.1, 0.2, 0.3]))
+    assert seen.among(None) is seen and seen.worst() == (1, 1.0, 0.2)
+    some = seen.among(np.array([True, False, True]))
+    assert some.worst() == (2, 2.0, 0.3)
+    assert list(some.value) == [3.0, np.inf, 2.0] and list(some.t[[0, 2]]) == [0.1, 0.3]
+    assert np.isnan(some.t[1]) and some.value.dtype == some.t.dtype == float
+    assert seen.among(np.zeros(3, dtype=bool)).worst()[0] == -1
+    assert Extreme(np.array([np.inf, np.nan]), np.array([np.nan, 4.0])).worst()[::2] == (1, 4.0)

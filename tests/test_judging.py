@@ -124,6 +124,11 @@ def test_the_period_that_would_do_does(share: float) -> None:
 
 # A user's own filter
 
+OTHERS, OWN_OTHERS = (
+    f"its own rows are satisfied, those of {whose} at the true state are not always"
+    for whose in ("the scenario's barrier", "its barrier")
+)
+
 G4, G6 = (c.unjudged("root", 20.0) for c in (registry.QP_FEASIBILITY, registry.ROWS_SATISFIED))
 
 
@@ -164,7 +169,7 @@ def test_declared_rows_are_judged_by_the_least_of_them() -> None:
     assert stands(found) == (Status.PREMISE_NOT_MET, "the filter declared no row at any step")
     assert numbers(found) == numbers(G6)
     found = own_filter.rows(flown(rows(0.5), -1.0), G6, None)
-    assert stands(found) == (Status.PREMISE_NOT_MET, own_filter.OTHERS) and found.value == 0.5
+    assert stands(found) == (Status.PREMISE_NOT_MET, OTHERS) and found.value == 0.5
     assert own_filter.rows(flown(rows(-0.5), -1.0), G6, None).status is Status.VIOLATED
     assert own_filter.rows(flown(rows(0.5), nan), G6, None).status is Status.PREMISE_NOT_MET
 
@@ -191,7 +196,7 @@ def test_feasibility_counts_the_vehicles_of_each_step_without_a_solution() -> No
     assert stands(found) == (Status.PREMISE_NOT_MET, "no command was given") and found.value is None
     assert own_filter.feasibility(flown(rows(), steps=1), G4, None).status is Status.HOLDS
     found = own_filter.feasibility(flown(rows(), -1.0), G4, None)
-    assert stands(found) == (Status.PREMISE_NOT_MET, own_filter.OTHERS) and found.value == 0
+    assert stands(found) == (Status.PREMISE_NOT_MET, OTHERS) and found.value == 0
     # By its own barrier the scenario's rows are not its own.
     found = own_filter.feasibility(flown(rows(), -1.0, own=barrier()), G4, None)
     assert found.status is Status.HOLDS
@@ -253,10 +258,10 @@ def test_a_promise_is_judged_with_the_tolerance_of_the_papers_claims(
 
 def test_rows_that_ask_for_less_than_the_barrier_prove_nothing() -> None:
     for row, due in (
-        (-1.1e-6, own_filter.OWN_OTHERS),
+        (-1.1e-6, OWN_OTHERS),
         (-9e-7, ""),
         (-1e-6, ""),
-        (nan, own_filter.OWN_OTHERS),
+        (nan, OWN_OTHERS),
     ):
         found = promises(barrier(row=row), rows())[2]
         assert stands(found) == (Status.PREMISE_NOT_MET if due else Status.HOLDS, due), row

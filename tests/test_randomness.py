@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
-from testbed.campaigns.distinct import check_random, counted, distinct_results
+from testbed.campaigns.distinct import check_distinct, check_random, counted, distinct_results
 from testbed.errors import UserError
 from testbed.scenario.randomness import random_fields
 from testbed.scenario.scenario import load
@@ -67,6 +70,46 @@ def test_seeds_that_change_nothing_are_refused_and_the_remedy_works() -> None:
     with pytest.raises(UserError) as many:
         check_random(still, "a study", 2, one_will_do=False)
     assert str(many.value) == said
+
+
+def plan(*cells: tuple[int, list[dict[str, float]], tuple[str, ...]], stop: object = None) -> Any:
+    """A plan whose cells have so many seeds, with these draws, and these parts of the user's own."""
+    listed = [SimpleNamespace(number=k, label=f"cell {k}", own=own) for k, (_, _, own) in enumerate(cells)]
+    runs = [[SimpleNamespace(draws=draws[n % len(draws)]) for n in range(seeds)] for seeds, draws, _ in cells]
+    roles = {"a": "plant", "b": "environment", "c": "filter", "d": "guidance"}
+    return SimpleNamespace(
+        cells=listed,
+        of=lambda number: runs[number],
+        data=lambda run: load("paper-2-turn").model_dump(mode="json"),
+        parts=SimpleNamespace(origins={label: {"role": role} for label, role in roles.items()}),
+        campaign=SimpleNamespace(name="c", stop=stop),
+    )
+
+
+SAME, DRAWN = [{"x": 1.0}], [{"x": 1.0}, {"x": 2.0}]
+# A cell that flies one run twice, and cells that do not.
+REPEATS = (2, SAME, ())
+FINE = [(1, SAME, ()), (2, DRAWN, ()), (2, SAME, ("a",)), (2, SAME, ("b",)), (2, SAME, ("c", "b"))]
+
+
+@pytest.mark.parametrize("fine", FINE)
+def test_a_cell_that_may_be_random_is_flown_and_hides_no_other(fine: Any) -> None:
+    check_distinct(plan(fine))
+    with pytest.raises(UserError, match=r"^c, cell 1: 2 seeds, nothing random: add"):
+        check_distinct(plan(fine, REPEATS))
+
+
+@pytest.mark.parametrize("own", [(), ("c",), ("d",), ("c", "d")])
+def test_parts_that_are_given_no_generator_draw_nothing(own: tuple[str, ...]) -> None:
+    said = (
+        "c: 3 seeds, nothing random: add [random], or seeds = 1, or perturb the start, for example"
+        " start.heading_perturbation_deg = 5; every seed gives the same run"
+    )
+    with pytest.raises(UserError) as refused:
+        check_distinct(plan((3, SAME, own)))
+    assert str(refused.value) == said
+    with pytest.raises(UserError, match=r"nothing random: add \[random\], or looks = \[1\], or perturb"):
+        check_distinct(plan((3, SAME, own), stop=object()))
 
 
 def test_results_are_counted_without_what_names_the_run() -> None:

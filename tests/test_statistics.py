@@ -107,6 +107,13 @@ def test_the_interval_of_a_mean_is_no_narrower_than_students_t() -> None:
     assert found.high - found.value > found.value - found.low
 
 
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_the_interval_of_a_mean_has_the_unit_of_the_values(scale: float) -> None:
+    values = rng().exponential(size=15)
+    plain, scaled = mean(values, rng()), mean(scale * values, rng())
+    assert (scaled.low, scaled.high) == pytest.approx((scale * plain.low, scale * plain.high), rel=1e-9)
+
+
 def test_equal_runs_are_one() -> None:
     assert distinct([]) == 0
     assert distinct([{"a": 1.0, "b": None}, {"b": None, "a": 1.0}, {"a": 1.0, "b": 2.0}]) == 2
