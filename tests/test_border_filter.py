@@ -104,7 +104,7 @@ def test_a_filter_without_pairs_has_none() -> None:
 @pytest.mark.parametrize(
     ("answer", "clause"),
     [
-        (None, "it returned a NoneType, not a Decision"),
+        (3, "it returned a int, not a Decision"),
         (but(command=None), "command is None, not a Command"),
         (but(command=FLOWN[:2]), "command.v has shape (2,), not (3,)"),
         (but(status=np.zeros(3)), "status is a ndarray of dtype float64, not an array of whole numbers"),
@@ -140,7 +140,8 @@ def test_a_decision_that_breaks_a_clause_is_named(answer: Any, clause: str) -> N
 def test_equal_pair_indices_are_as_good_as_the_same() -> None:
     same = replace(VALUES, i=list(I), j=np.array(J))
     found = own_filter(but(pairs=same))(VIEW, FLOWN, LIMITS)
-    assert found.pairs.i is I and found.pairs.j is J
+    assert found.pairs.i is I and found.pairs.j is J and found.pairs.known is None
+    assert found.pairs.lie(START)[0].shape == (3, 3)
     only_i = replace(VALUES, j=J[::-1].copy())
     assert "pairs.j are not" in said(own_filter(but(pairs=only_i)), VIEW, FLOWN, LIMITS)
     only_j = replace(VALUES, i=I[::-1].copy())
@@ -190,6 +191,7 @@ def test_what_is_said_of_pairs_that_do_not_know_of_each_other_is_dropped() -> No
     assert found.pairs.h[0] == 1.0 and np.isnan(found.pairs.h[1:]).all()
     assert np.array_equal(found.pairs.grad[0], VALUES.grad[0]) and np.isnan(found.pairs.grad[1:]).all()
     assert found.hdot_predicted[0] == 4.0 and np.isnan(found.hdot_predicted[1:]).all()
+    assert found.pairs.h.dtype == found.pairs.grad.dtype == found.hdot_predicted.dtype == float
     assert np.isnan(h[1]) and np.isinf(grad[2, 0])  # the filter's own arrays are as they were
     finite = own_filter()(APART, FLOWN, LIMITS)
     assert np.array_equal(np.isnan(finite.pairs.h), [False, True, True])
@@ -285,6 +287,9 @@ def test_a_declaration_that_raises_is_a_breach() -> None:
 
     clause = said(OwnFilter, contract("filter"), Silent(), LIMITS)
     assert clause.startswith("declaration raised RuntimeError: the engine fell off")
+    broken = type("Broken", (Spheres,), {"values": raising})()
+    clause = said(own_filter(barrier=broken).barrier_values, START)
+    assert clause.startswith("values() of its declared barrier raised RuntimeError: the engine fell off")
     clause = said(own_filter, barrier=Spheres(), alpha=raising)
     assert clause.startswith("its declared alpha raised RuntimeError: the engine fell off")
 
@@ -329,7 +334,10 @@ def test_a_declared_alpha_grows_with_h_through_zero() -> None:
     # By round-off.
     own_filter(barrier=Spheres(), alpha=lambda h: np.where(h < 0, 9e-10, h)).barrier_values(START)
     own_filter(barrier=Spheres(), alpha=lambda h: h + 9e-10 * (h.size == 1)).barrier_values(START)
-    assert "raised ValueError: odd" in said(own_filter(barrier=Spheres(), alpha=odd).barrier_values, START)
+    clause = said(own_filter(barrier=Spheres(), alpha=odd).barrier_values, START)
+    assert clause.startswith("its declared alpha raised ValueError: odd")
+    short = own_filter(barrier=Spheres(), alpha=lambda h: h[:1])
+    assert said(short.barrier_values, START) == "its declared alpha has shape (1,), not (3,)"
 
 
 def odd(h: np.ndarray) -> np.ndarray:

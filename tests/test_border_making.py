@@ -191,3 +191,30 @@ def test_a_filter_is_made_for_the_remedies_that_are_applied_to_it() -> None:
     with pytest.raises(Breach):
         of.filter()(View(state, rates), rates, None)
     np.testing.assert_allclose(seen[0].state.position, [[10.0, 0.0, 0.0], [20.0, 0.0, 1.0]], atol=1e-9)
+
+
+def test_a_filter_predicts_the_lags_of_the_scenario() -> None:
+    """0.5 s of delay in the turn and speed: it is shown where its vehicles will be, by its own manoeuvre."""
+    more = ["plant=lagged", "remedy.predict_lags=true", "lags.source=table", "lags.v_delay_s=0.5"]
+    seen: list[View] = []
+
+    def choose(view: View, nominal: Command, limits: Any) -> None:
+        seen.append(view)
+
+    of, _, _ = maker(*more, filter=lambda *_: choose)
+    state, rates = State.of(np.zeros((2, 4))), Command.of([[20.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
+    with pytest.raises(Breach, match="not a Decision"):
+        of.filter()(View(state, rates), rates, None)
+    assert (seen[0].state.x > 1.0).all()
+
+
+@pytest.mark.parametrize(("role", "place"), [("filter", 1), ("nominal", 2)])
+def test_what_a_users_maker_writes_into_the_barrier_stays_there(role: str, place: int) -> None:
+    listed = "[{v_mps=20, omega_degps=5}, {v_mps=18, omega_degps=-5}]"
+    of, _, barrier = maker('barrier.kind="rollout"', f"barrier.manoeuvres={listed}", **{role: Everything})
+    make(role, of)
+    own = Everything.made[place]
+    arrays = [(name, x) for name, x in vars(barrier.gamma).items() if isinstance(x, np.ndarray)]
+    assert arrays
+    for name, values in arrays:
+        assert not np.shares_memory(values, getattr(own.gamma, name)), name

@@ -65,6 +65,11 @@ def test_guidance_is_given_a_view_if_it_takes_one_and_else_the_state() -> None:
         seen.append((view, state))
         return FLOWN
 
+    def of_view(t: float, view: View, gain: float = 1.0) -> Command:
+        assert isinstance(view, View)
+        return FLOWN
+
+    OwnGuidance(contract("guidance"), of_view)(0.0, VIEW)
     for law in (by_view, by_state, view_first):
         found = OwnGuidance(contract("guidance"), law)(2.5, VIEW)
         assert np.array_equal(found.array(), FLOWN.array()) and found is not FLOWN
@@ -109,6 +114,7 @@ def test_the_wind_is_copied_and_none_is_still_air_for_ever() -> None:
     made = environment(lambda t, state: blown)
     found = made.wind(0.0, START)
     assert np.array_equal(found, blown) and not np.shares_memory(found, blown) and refuses_writing(found)
+    assert made.wind(1.0, START) is not None
     still = environment()
     assert still.wind(0.0, START) is None and still.wind(1.0, START) is None
     clause = "wind() is None at some times only; return zeros (N, 3) where air is still for a while"
@@ -163,6 +169,8 @@ def test_an_observation_of_each_vehicles_own_is_taken() -> None:
     [
         (3, "observe() is a int, not a View"),
         (View(None, FLOWN), "observe().state is None, not a State"),
+        (View(SimpleNamespace(), FLOWN), "observe().state is a SimpleNamespace, not a State"),
+        (View(SimpleNamespace(x=[1.0, 2.0]), FLOWN), "observe().state is a SimpleNamespace, not a State"),
         (View(START, None), "observe().rates is None, not a Command"),
         (View(START[:2], FLOWN), "observe().state.x has shape (2,), not (3,)"),
         (View(State.of(np.zeros((2, 3, 4))), FLOWN), "observe().state.x has shape (2, 3), not (3, 3)"),

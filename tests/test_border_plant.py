@@ -305,6 +305,12 @@ def test_telemetry_that_breaks_a_clause_is_named(telemetry: Any, clause: str) ->
     assert said(own.telemetry) == clause
 
 
+def test_telemetry_and_faults_that_raise_are_named() -> None:
+    own, _ = started(type("Own", (Unicycles,), {"telemetry": raising, "faults": raising})())
+    assert said(own.telemetry).startswith("telemetry() raised RuntimeError: the engine fell off (")
+    assert said(own.faults).startswith("faults() raised RuntimeError: the engine fell off (")
+
+
 def test_telemetry_may_use_the_names_of_an_aircrafts_channels() -> None:
     own, inner = started()
     inner.said = {"roll_rad": np.zeros(3), "throttle": np.ones(3)}
@@ -324,8 +330,8 @@ def test_faults_are_one_printable_line_a_vehicle() -> None:
     for wrong in (None, "abc", ["", ""], {"a": 1, "b": 2, "c": 3}):
         inner.ended = wrong
         assert said(own.faults) == "faults() is not a list of 3 strings"
-    inner.ended = ["", None, ""]
-    assert said(own.faults) == "faults() has a NoneType in it, not strings alone"
+    inner.ended = ["", 0, ""]
+    assert said(own.faults) == "faults() has a int in it, not strings alone"
 
 
 def test_a_plant_is_closed_if_it_can_be_and_an_error_changes_nothing() -> None:

@@ -265,10 +265,33 @@ def test_a_state_comes_back_as_a_read_only_copy() -> None:
         assert type(rates) is Command and np.array_equal(rates.array(), values[..., :3])
 
 
-def test_the_sum_of_squares_is_that_of_all_fields() -> None:
-    fields = np.arange(6.0).reshape(2, 3)
-    found, total = C.fields("c", Command.of(fields), Command, (2,))
-    assert total == (fields**2).sum() and np.array_equal(found.array(), fields)
+@pytest.mark.parametrize("vehicles", [1, 2, 16, 17, 40])
+def test_fields_are_fine_where_every_number_is_finite_and_not_too_large(vehicles: int) -> None:
+    values = np.arange(3.0 * vehicles).reshape(vehicles, 3)
+    for number, fine in ((0.0, True), (LARGEST, None), (-LARGEST, None), (BIG, False), (-BIG, False),
+                         (np.nan, False), (np.inf, False)):  # fmt: skip
+        for at in (
+            np.ndindex(vehicles, 3) if vehicles < 3 else ((0, 0), (vehicles - 1, 2), (vehicles // 2, 1))
+        ):
+            given = values.copy()
+            given[at] = number
+            found, said_fine = C.fields("c", Command.of(given), Command, (vehicles,))
+            assert np.array_equal(found.array(), given, equal_nan=True)
+            # Of many numbers their squares are summed: a large one is then left to the closer look.
+            assert said_fine is (fine if fine is not None else vehicles <= 16)
+
+
+@pytest.mark.parametrize("count", [1, 16, 17, 40])
+def test_every_number_of_an_array_is_looked_at(count: int) -> None:
+    for at in {0, count // 2, count - 1}:
+        for number in (np.nan, BIG, -BIG):
+            values = np.ones(count)
+            values[at] = number
+            assert said(C.array, "r", values, (count,)).endswith(f", vehicle {at + 1}")
+        values[at] = LARGEST
+        assert np.array_equal(C.array("r", values, (count,)), values)
+        values[at] = -LARGEST
+        assert np.array_equal(C.array("r", values, (count,)), values)
 
 
 def test_a_subclass_is_asked_for_its_attributes() -> None:
