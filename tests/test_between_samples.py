@@ -204,7 +204,7 @@ def test_the_closest_approach_of_pairs_that_part_or_meet_is_at_the_begin_or_the_
 
 
 def test_arcs_whose_accelerations_are_equal_at_first_are_bounded_by_their_turning_apart():
-    """Equal v omega and course: the offset's acceleration is 0 at first, and grows for 10 s, several turns."""
+    """Equal v omega and course: the offset's acceleration is 0 at first, and grows over several turns."""
     rng = np.random.default_rng(5)
     m = 200
     a = State(rng.normal(0, 40, m), rng.normal(0, 40, m), 0.0, 0.0)

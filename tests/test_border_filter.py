@@ -92,7 +92,8 @@ def test_a_filter_is_given_copies_and_its_decision_is_copied() -> None:
         assert np.array_equal(own, given) and not np.shares_memory(own, given), name
     assert np.array_equal(found.command.array(), FLOWN.array()) and refuses_writing(found.command.v)
     assert np.array_equal(found.pairs.h, VALUES.h) and np.array_equal(found.pairs.grad, VALUES.grad)
-    assert not np.shares_memory(found.pairs.h, VALUES.h) and found.pairs.i is I and found.pairs.j is J
+    assert np.array_equal(found.pairs.i, I) and np.array_equal(found.pairs.j, J)
+    assert not np.shares_memory(found.pairs.h, VALUES.h)
     assert made.refused is None and type(found) is Decision
 
 
@@ -140,11 +141,17 @@ def test_a_decision_that_breaks_a_clause_is_named(answer: Any, clause: str) -> N
 def test_equal_pair_indices_are_as_good_as_the_same() -> None:
     same = replace(VALUES, i=list(I), j=np.array(J))
     found = own_filter(but(pairs=same))(VIEW, FLOWN, LIMITS)
-    assert found.pairs.i is I and found.pairs.j is J and found.pairs.known is None
+    assert np.array_equal(found.pairs.i, I) and np.array_equal(found.pairs.j, J)
+    assert found.pairs.known is None
     assert found.pairs.lie(START)[0].shape == (3, 3)
-    only_i = replace(VALUES, j=J[::-1].copy())
+
+
+def test_the_projects_own_indices_of_one_side_say_nothing_of_the_other() -> None:
+    i, j = all_pairs(3)  # the very arrays that the border has
+    fine = but(pairs=replace(VALUES, i=i, j=j))
+    assert own_filter(fine)(VIEW, FLOWN, LIMITS).pairs.i is i
+    only_i, only_j = replace(VALUES, i=i, j=j[::-1].copy()), replace(VALUES, i=i[::-1].copy(), j=j)
     assert "pairs.j are not" in said(own_filter(but(pairs=only_i)), VIEW, FLOWN, LIMITS)
-    only_j = replace(VALUES, i=I[::-1].copy())
     assert "pairs.i are not" in said(own_filter(but(pairs=only_j)), VIEW, FLOWN, LIMITS)
 
 
@@ -328,6 +335,14 @@ def test_a_declared_alpha_grows_with_h_through_zero() -> None:
     for falls in (-1.1 * slack, -1.0):
         made = own_filter(barrier=Spheres(), alpha=flat_then(falls))
         assert said(made.barrier_values, START) == never
+    # By more than the round-off of its numbers there, whatever they are elsewhere.
+    far = Spheres(replace(VALUES, h=np.array([1.0, 2.0, 3.0])))
+    made = own_filter(barrier=far, alpha=lambda h: np.array([5.0, 5.0 - 5e-4, 1e6])[: h.size] * (h > 0))
+    assert said(made.barrier_values, START) == never
+    # Round-off near zero is none.
+    near = Spheres(replace(VALUES, h=np.array([1e-6, 2.0, 3.0])))
+    made = own_filter(barrier=near, alpha=lambda h: np.where(h < 1e-5, -5e-10, h) * (h > 0))
+    made.barrier_values(START)
     # On the wrong side of zero, though it grows.
     for off in (lambda h: np.where(h < 0, 0.1, h), lambda h: np.where(h > 0, h - 0.7, h)):
         assert said(own_filter(barrier=Spheres(), alpha=off).barrier_values, START) == never

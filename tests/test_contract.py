@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -92,6 +94,9 @@ def test_an_exception_is_described_in_one_line_with_its_place() -> None:
         calls()
     line = fails.__code__.co_firstlineno + 1
     assert describe(raised.value) == f"ValueError: no fuel \\x07 ({Path(__file__).name}:{line})"
+    with pytest.raises(ValueError) as raised:
+        json.loads("{")
+    assert re.search(r"\(decoder\.py:\d+\)$", describe(raised.value))
     assert describe(ValueError("x")) == "ValueError: x"
     assert describe(KeyError()) == "KeyError: no message"
     assert describe(ValueError("ü" + 400 * "é")) == "ValueError: ü" + 299 * "é"
@@ -312,6 +317,14 @@ def test_a_subclass_is_asked_for_its_attributes() -> None:
     assert said(C.command, "c", bare(Failing, v=np.zeros(2), zeta=np.zeros(2))).startswith(
         "c raised ValueError: no gyro ("
     )
+
+
+def test_a_subclass_without_an_attribute_is_named() -> None:
+    class Less(Command):
+        """Has no climb rate."""
+
+    made = bare(Less, v=np.zeros(2), omega=np.zeros(2))
+    assert said(C.command, "c", made) == "c.zeta is None, not an array of real numbers"
 
 
 def bare(kind: type, **fields: Any) -> Any:

@@ -118,7 +118,7 @@ class Contract:
         if type(value) is ndarray and value.dtype is FLOAT and value.shape == shape:  # as always
             out: Array = value.copy()
         else:
-            out = self._numbers(what, value, shape, "fiu").astype(float)
+            out = self._floats(what, value, shape)
         if out.size > FEW:
             # A sum of squares shows at once that all are finite and small; vdot does not warn of overflow.
             if not vdot(out, out) <= LARGEST:
@@ -132,7 +132,7 @@ class Contract:
 
     def channel(self, what: str, value: Any) -> Array:
         """A copy of one number per vehicle (N,); NaN is allowed, for a vehicle without the channel."""
-        out = self._numbers(what, value, (self.vehicles,), "fiu").astype(float)
+        out = self._floats(what, value, (self.vehicles,))
         self._check_each(what, np.where(np.isnan(out), 0.0, out))
         return out
 
@@ -148,11 +148,14 @@ class Contract:
             return value.copy()
         return self._numbers(what, value, shape, "b").astype(bool)
 
+    def _floats(self, what: str, value: Any, shape: tuple[int, ...]) -> Array:
+        return self._numbers(what, value, shape, "fiu").astype(float)
+
     def _numbers(self, what: str, value: Any, shape: tuple[int, ...], kinds: str) -> NDArray[Any]:
         found = value
         if type(found) is not np.ndarray:
             try:
-                found = np.array(value, subok=False)
+                found = np.array(value)
             except (Exception, SystemExit):
                 raise self.breach(f"{what} is {_a(value)}, not an array of shape {shape}") from None
         if found.dtype.kind not in kinds:
@@ -179,7 +182,7 @@ class Contract:
             if type(column) is ndarray and column.dtype is FLOAT and column.shape == shape:
                 column = column.copy()
             else:
-                column = self._numbers(f"{what}.{name}", column, shape, "fiu").astype(float)
+                column = self._floats(f"{what}.{name}", column, shape)
             column.setflags(False)  # type: ignore[call-arg]
             own[name] = column
             if column.size > FEW:  # as in `array`
@@ -218,8 +221,8 @@ class Contract:
         number = values[tuple(at)]
         why = f"is {number:g}, beyond {LARGEST:g}" if np.isfinite(number) else f"is not finite: {number:g}"
         name = f"{what}.{names[at[-1]]}" if names else what
-        axis = len(at) - 2 if names or len(at) > 1 else 0
-        raise self.breach(f"{name} {why}, vehicle {at[axis] + 1}")
+        vehicle = at[max(len(at) - 2, 0)] + 1
+        raise self.breach(f"{name} {why}, vehicle {vehicle}")
 
 
 def _a(value: Any) -> str:
