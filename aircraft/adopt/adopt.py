@@ -38,7 +38,7 @@ _HEAD = """# Written by `testbed aircraft adopt`; README.md says what was found 
 _COMMENTS = {
     "gains.airframe": "The aircraft as the feed-forward knows it: derivatives at level flights, averaged.",
     "gains.level": "Level flight at five airspeeds: what is left of lift, drag and surfaces.",
-    "gains.thrust": "Thrust over mass there, and its shares at quarters of the throttle's range.",
+    "gains.thrust": "Thrust over mass there, and its shares at eighths of the throttle's range.",
     "gains.turn": "Loops: from time constants of the aircraft, then scaled by a search on steps.",
 }
 

@@ -14,14 +14,16 @@ from aircraft.adopt.copying import Copy, safe_copy
 from aircraft.adopt.derivatives import Local, differentiate
 from aircraft.adopt.failures import AdoptionError
 from aircraft.adopt.feedforward import KNOTS, airframe_gains, level_gains, thrust_gains
+from aircraft.adopt.kinds import only_winged
 from aircraft.adopt.loops import Scales, Times, envelope_gains, loop_gains, times
 from aircraft.adopt.rig import Rig
 from aircraft.adopt.skeleton import skeleton
 from aircraft.adopt.source import find
 from aircraft.adopt.speeds import Found, find_speeds, rounded
 from aircraft.adopt.thrust import BEFORE_AFTERBURNER, Thrust, idle, measure_thrust
+from aircraft.airframes.references import MISSING
 from aircraft.airframes.schema import Airframe
-from aircraft.airframes.setup import Engines, Setup
+from aircraft.airframes.setup import Engines, Setup, is_property
 from aircraft.autopilots.specification import BANK_TAN, CLIMB, TURN
 from aircraft.jsbsim.errors import FdmError, UnresolvedError
 from aircraft.jsbsim.geodesy import G_MPS2
@@ -30,6 +32,8 @@ Say = Callable[[str], None]
 
 _CLIMB_SHARE = 0.6  # of the climb rate that full throttle gives
 _SINK_SHARE = 0.8
+_SPEED_STEP = 4.0  # m/s, of an aircraft that flies at 15 to 25 m/s; at most what
+_SPEEDING_S = 3.5  # of full throttle, and of idle, change
 _FILTERS = frozenset(
     ("lag_filter", "lead_lag_filter", "washout_filter", "second_order_filter", "integrator", "pid")
 )
@@ -59,8 +63,7 @@ def examine(name_or_path: str, folder: Path, say: Say) -> Model:
     say("files: copying the model and making it safe")
     source = find(name_or_path)
     copy = safe_copy(source, folder.name)
-    if not copy.engine_count:
-        raise AdoptionError("engines", "the model has no engine: without thrust no speed can be held")
+    only_winged(copy)
     folder.mkdir(parents=True, exist_ok=True)
     copy.write(folder)
     setup = Setup(
@@ -138,7 +141,10 @@ def _loaded(copy: Copy, airframe: Airframe, notes: list[str]) -> Airframe:
     try:
         load(airframe, 0.005)
     except UnresolvedError as error:
-        missing = sorted({f.message.rpartition(" ")[2] for f in error.findings})
+        missing = sorted({f.message.removeprefix(MISSING) for f in error.findings})
+        odd = [name for name in missing if not is_property(name)]
+        if odd:
+            raise AdoptionError("loading", f"JSBSim cannot read the property name {odd[0]!r}") from None
         copy.declare(missing)
         copy.write(airframe.folder)
         notes.append(f"declared as 0, for nobody makes them: {', '.join(missing)}")
@@ -175,7 +181,7 @@ def _finite(gains: dict[str, dict[str, float]]) -> None:
 
 
 def _rates(found: Found, locals_: list[Local], thrusts: list[Thrust]) -> dict[str, float]:
-    """Climb and turn rates of the steps, which thrust and wing sustain."""
+    """Climb and turn rates and changes of speed of the steps, which thrust, drag and wing sustain."""
     rates = []
     for x, thrust in zip(locals_, thrusts, strict=True):
         up = (thrust.most - x.drag) * x.v / G_MPS2 * _CLIMB_SHARE
@@ -185,4 +191,12 @@ def _rates(found: Found, locals_: list[Local], thrusts: list[Thrust]) -> dict[st
     load = (found.lowest / found.stall) ** 2 * 0.85
     bank_tan = min(BANK_TAN, math.sqrt(max(load**2 - 1.0, 0.01)) * 0.8)
     turn = min(TURN, bank_tan * G_MPS2 / found.lowest)
-    return {"climb_mps": max(round(climb, 2), 0.1), "turn_radps": round(turn, 4)}
+    middle = KNOTS // 2
+    gains = [thrust.most - x.drag for x, thrust in list(zip(locals_, thrusts, strict=True))[: middle + 1]]
+    slows = locals_[middle].drag - thrusts[middle].least
+    step = min(_SPEEDING_S * min(*gains, slows), _SPEED_STEP * max(1.0, found.lowest / 15.0))
+    return {
+        "climb_mps": max(round(climb, 2), 0.1),
+        "turn_radps": round(turn, 4),
+        "step_mps": max(round(step, 2), 0.2),
+    }

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from aircraft.adopt.failures import AdoptionError
+from aircraft.adopt.flightgear import use_jsbsims_own
 from aircraft.adopt.source import STAGE, Source, parse
 from aircraft.airframes.safety import says
 from aircraft.airframes.xml import Element, write
@@ -22,6 +23,8 @@ _LEFT_OUT = {
 _ENGINE_FILES = ("engine", "thruster")
 _COMMAND = re.compile(r"fcs/(elevator|aileron|rudder|throttle)-cmd-norm(\[\d+\])?")
 _DECLARED = "declared"
+_AUTOPILOT = re.compile(r"(?<![\w./-])(-?/?)ap/")
+_OWN_AUTOPILOT = "model-ap/"
 
 
 @dataclass
@@ -79,8 +82,16 @@ def safe_copy(source: Source, name: str) -> Copy:
     _leave_out(found)
     _systems(found, source)
     _engines(found, source)
-    for tree in (found.model, *found.systems.values(), *found.engines.values()):
+    trees = (found.model, *found.systems.values(), *found.engines.values())
+    if mirrored := use_jsbsims_own(trees):
+        found.notes.append(f"FlightGear's {', '.join(mirrored)} read as JSBSim's own")
+    if any([_move_autopilot(tree) for tree in trees]):
+        found.notes.append(
+            f"its own properties ap/ are {_OWN_AUTOPILOT} here: ap/ is the testbed's autopilot"
+        )
+    for tree in trees:
         _make_safe(found, tree)
+        _play(found, tree)
     _add_autopilot(root)
     return found
 
@@ -177,6 +188,18 @@ def _engines(found: Copy, source: Source) -> None:
         found.engines[stem] = parse(path)
 
 
+def _move_autopilot(tree: Element) -> bool:
+    """Rename properties ap/ of the model's own autopilot: `ap/on` of ours would switch it on. Whether any."""
+    moved = False
+    for e in tree.walk():
+        for key, value in e.attributes.items():
+            if (now := _AUTOPILOT.sub(rf"\1{_OWN_AUTOPILOT}", value)) != value:
+                e.attributes[key], moved = now, True
+        if (now := _AUTOPILOT.sub(rf"\1{_OWN_AUTOPILOT}", e.text)) != e.text:
+            e.text, moved = now, True
+    return moved
+
+
 def _make_safe(found: Copy, tree: Element) -> None:
     """Leave out components that control the simulation or command the aircraft, and outputs to files."""
     for e in list(tree.walk()):
@@ -189,10 +212,23 @@ def _make_safe(found: Copy, tree: Element) -> None:
         if part.parent is None or part.parent.parent is None:
             raise AdoptionError(STAGE, f"<{part.name}>: {(said or ['writes files'])[0]}")
         name = part.attributes.get("name", "")
-        found.notes.append(
-            f"<{part.name}{' ' + name if name else ''}> left out: {(said or ['writes files'])[0]}"
-        )
+        note = f"<{part.name}{' ' + name if name else ''}> left out: {(said or ['writes files'])[0]}"
+        if note not in found.notes:
+            found.notes.append(note)
         _remove(part)
+
+
+def _play(found: Copy, tree: Element) -> None:
+    """Say which actuators do not answer small commands: the autopilot cannot hold what they leave."""
+    for e in tree.all("actuator"):
+        for kind in ("hysteresis_width", "deadband_width"):
+            width = e.first(kind)
+            if width is not None and width.text.strip() not in ("", "0", "0.0"):
+                what = kind.partition("_")[0]
+                name = e.attributes.get("name", "")
+                found.notes.append(
+                    f"actuator {name} has a {what} of {width.text.strip()}: small loops wander in it"
+                )
 
 
 def _component(e: Element) -> Element:

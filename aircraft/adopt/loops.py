@@ -31,6 +31,7 @@ class Scales:
     pitch: float = 1.0  # feedback of angle of attack and pitch rate
     roll: float = 1.0  # feedback of bank and roll rate
     speed: float = 1.0  # bandwidth of speed
+    speed_lag: float = 1.0
     hold: float = 1.0  # feedback of speed
     side: float = 0.0  # share of the side force that bank answers
 
@@ -142,8 +143,8 @@ def _speed(t: Times, s: Scales) -> Gains:
         "bandwidth_radps": bandwidth,
         "filter_s": max(0.75 * lag, 0.1),
         "feedback_per_s": feedback,
-        "integral_per_s2": 0.1 * feedback * min(0.9 / lag, 3.2),
-        "model_lag_s": max(0.15 * lag, 0.03),
+        "integral_per_s2": 0.15 * feedback * min(0.9 / lag, 3.2),
+        "model_lag_s": max(0.15 * lag * s.speed_lag, 0.03),
         "thrust_lead_s": lag,
         "release_per_s": 4.0 / max(lag / 0.2, 1.0),
         "reserved_mps2": 0.3,

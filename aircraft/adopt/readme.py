@@ -51,7 +51,8 @@ def _found(model: Model) -> list[str]:
         f"- stall at {f.stall:.1f} m/s ({math.degrees(f.stall_alpha):.0f} deg, CL {f.cl_max:.2f});"
         f" level flight from {f.lowest:.1f} to {f.top:.1f} m/s or more",
         f"- flown from {flight.v_min_mps:g} to {flight.v_max_mps:g} m/s; steps of"
-        f" {math.degrees(flight.turn_radps or 0):.1f} deg/s and {flight.climb_mps:g} m/s of climb",
+        f" {math.degrees(flight.turn_radps or 0):.1f} deg/s, {flight.climb_mps:g} m/s of climb and"
+        f" {flight.step_mps:g} m/s of speed",
         f"- {e.count} {engines}, throttle from {e.idle:g} to {e.full:g}; thrust follows in {t.thrust:.2f} s",
         f"- travels: elevator {_degrees(c.elevator.travel)} deg, aileron {_degrees(c.aileron.travel)} deg,"
         f" rudder {rudder}{'; elevator and aileron share surfaces' if c.shared else ''}",

@@ -18,6 +18,7 @@ from aircraft.jsbsim.steady import Trim
 
 _CHANNELS = ("v", "omega", "zeta")
 _DEEPEST_M = 200.0
+_SMALL = 0.4  # of the other steps in speed: one that leaves the throttle free
 
 
 @dataclass(frozen=True)
@@ -54,17 +55,17 @@ class Scored:
 def cases(airframe: Airframe) -> list[Case]:
     """The steps at the airframe's own speeds: turns, climbs and speed, at slow, middle and fast."""
     s = airframe.speeds
-    slow, middle, fast, brisk = (s.within(x) for x in (0.1, 0.5, 1.0, 0.9))
+    slow, middle, fast = (s.within(x) for x in (0.1, 0.5, 1.0))
     climb = climb_rate(s)
     short = duration(s, 8.0)
     # Descents end above the ground, 300 m below the start.
     climbing = min(short, _DEEPEST_M / climb)
     found = [Case("omega", v, (v, turn_rate(s, v), 0.0), short) for v in (slow, middle, fast)]
     found += [Case("zeta", v, (v, 0.0, sign * climb), climbing) for v in (slow, fast) for sign in (1.0, -1.0)]
-    step = min(middle - slow, 4.0 * max(1.0, s.start_mps / 20.0))
+    step = s.step(middle - slow)
     found += [
         Case("v", v, (to, 0.0, 0.0), duration(s, 12.0))
-        for v, to in ((slow, slow + step), (middle, min(middle + step, brisk)), (middle, middle - step))
+        for v, to in ((slow, slow + step), (middle, middle + _SMALL * step), (middle, middle - step))
     ]
     return found
 

@@ -17,6 +17,7 @@ _OVERSHOOT = {"omega": 0.06, "zeta": 0.07, "v": 0.05}  # what a search is conten
 _FINAL = 0.03
 _DISK = 0.8  # worst loop: quicker loops are not tried below
 _HELD, _MOST_HELD = 0.75, 4  # disk margin of the throttle's loop, and how often its feedback is lowered
+_FIRMER = (1.4, 2.0)  # feedback of speed, of what the formula gives
 _FASTER, _SLOWER = 1.35, 0.75
 _TURNS, _CLIMBS = (1.0, 3.2), (0.35, 1.3)  # of the formulas' bandwidth
 _LAGS = (1.0, 2.5, 5.0)  # of the models that errors are taken from, on what the formulas give
@@ -61,7 +62,19 @@ def search(model: Model, near: Near, say: Callable[[str], None]) -> Scales:
     scales = _best(model, "zeta", near, [replace(scales, climb_lag=x) for x in _LAGS])
     scales = _quicker(model, scales, "zeta", "climb", _CLIMBS, near)
     say("search: speed")
+    scales = _best(model, "v", near, [replace(scales, speed_lag=x) for x in _LAGS])
     scales = _quicker(model, scales, "v", "speed", (0.5, 2.5), near)
+    return _held(model, scales, near)
+
+
+def _held(model: Model, scales: Scales, near: Near) -> Scales:
+    """Raise the feedback of speed where steps end beside; lower it for the throttle's disk margin."""
+    now = _try(model, scales, "v", near)
+    for hold in () if now.good("v") else _FIRMER:
+        then = _try(model, replace(scales, hold=hold), "v", near)
+        if _cost(then) < _cost(now) and _throttle_margin(model, then.scales, near) >= _HELD:
+            now = then
+    scales = now.scales
     for _ in range(_MOST_HELD):
         if _throttle_margin(model, scales, near) >= _HELD:
             break
@@ -70,11 +83,9 @@ def search(model: Model, near: Near, say: Callable[[str], None]) -> Scales:
 
 
 def _steps(model: Model, channel: str) -> list[Case]:
-    """The steps of one channel at the lowest and highest speed."""
+    """The steps of one channel; of climbs and descents the climbs."""
     mine = [c for c in cases(model.airframe) if c.channel == channel]
-    if channel == "zeta":
-        return [c for c in mine if c.command[2] > 0]
-    return [mine[0], mine[-1]]
+    return [c for c in mine if c.command[2] > 0] if channel == "zeta" else mine
 
 
 def _try(model: Model, scales: Scales, channel: str, near: Near) -> Tried:

@@ -25,6 +25,10 @@ _ABOVE_STALL, _RANGE, _BELOW_TOP = 1.3, 1.75, 0.93
 _FINER = 1.1  # ratio of speeds that are tried upwards
 _NARROWEST = 1.12  # least v_max / v_min that steps of an autopilot can be flown in
 _PERIODS = 8
+_MOST_CL = 20.0
+_LEVEL_RAD = 0.05  # angle of attack where nothing is known yet
+_GIVEN = 400  # periods, 2 s
+_STAYS = 0.01  # rad/s^2
 _MOST_COMMAND = 0.92  # of elevator, aileron, rudder in level flight
 
 
@@ -48,10 +52,19 @@ class Found:
 
 def find_speeds(rig: Rig) -> Found:
     """Stall speed from the lift's maximum, then level trims upwards. Raises AdoptionError."""
+    integrated = _integrated(rig) if rig.airframe.setup.captive else ""
     alpha, cl_max, stalls = _stall(rig)
     notes = [] if stalls else [f"its lift has no maximum: a stall at {np.degrees(alpha):.0f} deg is assumed"]
     stall = float(np.sqrt(2 * rig.mass * G_MPS2 / (rig.density * rig.wing_area * cl_max)))
-    lowest = _lowest(rig, _ABOVE_STALL * stall)
+    try:
+        lowest = _lowest(rig, _ABOVE_STALL * stall)
+    except AdoptionError:
+        if not integrated:
+            raise
+        raise AdoptionError(
+            STAGE,
+            f"its own flight control integrates the {integrated}'s command: no command holds level flight",
+        ) from None
     if lowest.airspeed > 1.01 * _ABOVE_STALL * stall:
         notes.append(f"it flies level from {lowest.airspeed / stall:.2f} times its stall speed, not from 1.3")
     trims = [lowest]
@@ -91,13 +104,19 @@ def rounded(found: Found) -> Speeds:
 
 def _stall(rig: Rig) -> tuple[float, float, bool]:
     """Angle of attack [rad] and lift coefficient of the stall; whether the model has one."""
-    speed = float(np.sqrt(2 * rig.mass * G_MPS2 / (1.15 * rig.wing_area * 0.6)))
+    speed = float(np.sqrt(2 * rig.mass * G_MPS2 / (rig.density * rig.wing_area * 0.6)))
     alpha, cl, stalls = 0.0, 0.0, False
     for _ in range(2):
         lift = np.array([_lift(rig, speed, float(a)) for a in _ANGLES])
         if not np.all(np.isfinite(lift)):
             raise AdoptionError(STAGE, "its forces are not finite; look at its tables and sizes")
         cls = lift / (0.5 * rig.density * speed**2 * rig.wing_area / rig.mass)
+        if np.abs(cls).max() > _MOST_CL:
+            raise AdoptionError(
+                STAGE,
+                f"its forces run away while it is held (a lift coefficient of {np.abs(cls).max():.0f}): they"
+                " depend on the rate of alpha, which they make themselves",
+            )
         falls = [k for k in range(3, len(cls) - 1) if cls[k] > cls[k + 1] and cls[k] > 0.2]
         stalls = bool(falls) and _ANGLES[falls[0]] < _NO_STALL
         if stalls:
@@ -145,6 +164,26 @@ def _lowest(rig: Rig, v: float) -> Trim:
     raise AdoptionError(
         STAGE, f"no level flight from {first:.1f} to {v:.1f} m/s: {_why(rig, 1.3 * first, None)}"
     )
+
+
+def _integrated(rig: Rig) -> str:
+    """The command that the model's own flight control integrates, "" if none.
+
+    The body is held, a command given for two seconds and taken back: what it did to the moments stays.
+    """
+    speed = float(np.sqrt(2 * rig.mass * G_MPS2 / (rig.density * rig.wing_area * 0.6)))
+    velocity = speed * np.array([np.cos(_LEVEL_RAD), 0.0, np.sin(_LEVEL_RAD)])
+    commands = dict.fromkeys(("elevator", "aileron", "rudder"), 0.0)
+    held = Held(rig, np.array([0.0, _LEVEL_RAD, 0.0]), velocity, commands, [])
+    for name in commands:
+        for command in (0.05, -0.05):  # one of them if an integrator is at its end
+            before, moved, after = (
+                held.measure(commands={name: c}, periods=_GIVEN)[3:] for c in (0.0, command, 0.0)
+            )
+            stays = float(np.abs(after - before).max())
+            if stays > _STAYS and stays > 0.5 * float(np.abs(moved - before).max()):
+                return name
+    return ""
 
 
 def _why(rig: Rig, v: float, near: Trim | None) -> str:

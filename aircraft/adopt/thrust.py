@@ -16,18 +16,18 @@ STAGE = "engines"
 _IDLES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
 BEFORE_AFTERBURNER = 0.98  # JSBSim lights one above 99 % of throttle
 _LEAST_MPS2 = 0.2  # between idle and full throttle
-_SHARES = np.linspace(0.0, 1.0, 5)
+_SHARES = np.linspace(0.0, 1.0, 9)
 _RISE = 0.01  # of the thrust range, from one throttle to the next: what the inversion needs
 
 
 @dataclass(frozen=True)
 class Thrust:
-    """At one airspeed: least and largest thrust over mass [m/s^2], shares of the range at a quarter,
-    a half and three quarters of the throttle's range."""
+    """At one airspeed: least and largest thrust over mass [m/s^2], and shares of their range (7,) at each
+    eighth of the throttle's range between its ends."""
 
     least: float
     most: float
-    shares: tuple[float, float, float]
+    shares: tuple[float, ...]
 
 
 def idle(rig: Rig, held: Held) -> float:
@@ -47,7 +47,7 @@ def idle(rig: Rig, held: Held) -> float:
 
 
 def measure_thrust(held: Held, drag: float, engines: Engines) -> Thrust:
-    """Thrust along the path at five throttles; it equals `drag` [m/s^2] at the trim's."""
+    """Thrust along the path at nine throttles; it equals `drag` [m/s^2] at the trim's."""
     at_trim = float(held.measure(steady=True)[:3] @ held.along)
     throttles = engines.idle + _SHARES * (engines.full - engines.idle)
     found = [
@@ -63,6 +63,4 @@ def measure_thrust(held: Held, drag: float, engines: Engines) -> Thrust:
     shares = (thrusts - thrusts[0]) / span
     shares = shares + _RISE * _SHARES  # strictly rising
     shares = shares / shares[-1]
-    return Thrust(
-        float(thrusts[0]), float(thrusts[-1]), (float(shares[1]), float(shares[2]), float(shares[3]))
-    )
+    return Thrust(float(thrusts[0]), float(thrusts[-1]), tuple(map(float, shares[1:-1])))

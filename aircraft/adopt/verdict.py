@@ -10,6 +10,7 @@ from aircraft.adopt.scoring import Scored
 
 GOOD, REMARKS, REFUSED = "good", "flies with remarks", "refused"
 OVERSHOOT, ERROR, DISK = 0.12, 0.05, 0.5
+LOST = 1.0  # overshoot or final error as large as the step itself: the command was not followed
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,12 @@ class Verdict:
 
 def judge(scored: Sequence[Scored], disks: dict[tuple[float, str], float]) -> Verdict:
     """The verdict on steps flown and disk margins measured."""
-    lost = [s.case.title for s in scored if not math.isfinite(s.overshoot)]
+    ended = [s.case.title for s in scored if not math.isfinite(s.overshoot)]
+    if ended:
+        return Verdict(REFUSED, "steps", (f"it does not fly to the end: {', '.join(ended)}",), {})
+    lost = [s.case.title for s in scored if max(s.overshoot, s.final_error) >= LOST]
     if lost:
-        return Verdict(REFUSED, "steps", (f"it does not fly to the end: {', '.join(lost)}",), {})
+        return Verdict(REFUSED, "steps", (f"it does not follow: {', '.join(lost)}",), {})
     remarks = []
     for s in scored:
         if s.overshoot > OVERSHOOT:

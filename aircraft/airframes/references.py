@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 
 from aircraft.airframes.files import Files, Finding
+from aircraft.airframes.setup import is_property
 from aircraft.airframes.xml import Element
 
 _REFERENCES = {"property", "p", "input", "independentVar"}
+MISSING = "there is no property "  # how a finding begins; the name follows
 _NUMBERS_OR_PROPERTIES = {"gain", "min", "max", "c1", "c2", "kp", "ki", "kd", "lag", "rate_limit"}
 
 
@@ -34,11 +36,13 @@ def unresolved(files: Files, exists: Callable[[str], bool]) -> Iterator[Finding]
     for file, tree in files.trees.items():
         for e in tree.walk():
             for name in _named(e):
-                if name in own or exists(name):
+                # An engine's functions are templates: # stands for the engine's number.
+                one = name.replace("#", "0")
+                if name in own or one in own or (is_property(one) and exists(one)):
                     continue
                 near = get_close_matches(name, sorted(own | _used(files) - {name}), 1, 0.8)
                 remedy = f"did you mean {near[0]}?" if near else "correct the name, or make the property"
-                yield Finding("property", "error", file, e.line, f"there is no property {name}", remedy)
+                yield Finding("property", "error", file, e.line, f"{MISSING}{name}", remedy)
 
 
 def _named(e: Element) -> Iterator[str]:

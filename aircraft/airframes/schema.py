@@ -53,6 +53,9 @@ class Speeds(Strict):
     climb_mps: Positive | None = Field(
         default=None, description="climb rate of those steps, which must be sustainable; absent: 3.9 m/s"
     )
+    step_mps: Positive | None = Field(
+        default=None, description="largest change of speed in those steps; absent: half the range of speeds"
+    )
 
     @model_validator(mode="after")
     def ordered(self) -> Speeds:
@@ -63,6 +66,10 @@ class Speeds(Strict):
     def within(self, share: float) -> float:
         """The speed [m/s] at a share of the way from v_min_mps to v_max_mps, to 0.001 m/s."""
         return round(self.v_min_mps + share * (self.v_max_mps - self.v_min_mps), 3)
+
+    def step(self, most: float) -> float:
+        """The change of speed [m/s] that a step asks for: what the airframe sustains, at most `most`."""
+        return min(self.step_mps or most, most)
 
 
 class Channel(Strict):

@@ -106,13 +106,14 @@ def steps(speeds: Speeds) -> tuple[Step, ...]:
     """
     slow, low, middle, fast = (speeds.within(share) for share in (0.1, 0.3, 0.5, 1.0))
     to_fast, climb, lasts = speeds.within(0.9), climb_rate(speeds), duration(speeds, 10.0)
+    faster, fastest = (v + speeds.step(to - v) for v, to in ((slow, middle), (middle, to_fast)))
     dive = {"v_above": speeds.v_max_mps, "v_below": speeds.v_min_mps, "limited_zeta": 1.0}
     return (
         _turn(speeds, slow, 0.34),
         _turn(speeds, middle, 0.36),
         _turn(speeds, fast, 0.38),
-        Step("speed", slow, (middle, 0.0, 0.0), {"settling_s": 1.6, "overshoot": 0.01}, lasts),
-        Step("speed", middle, (to_fast, 0.0, 0.0), {"settling_s": 2.2, "overshoot": 0.01}, lasts),
+        Step("speed", slow, (faster, 0.0, 0.0), {"settling_s": 1.6, "overshoot": 0.01}, lasts),
+        Step("speed", middle, (fastest, 0.0, 0.0), {"settling_s": 2.2, "overshoot": 0.01}, lasts),
         _climb(speeds, slow, 2.0, 0.33, 0.4),
         _climb(speeds, slow, CLIMB, 0.48, 0.8),
         _climb(speeds, fast, 2.0, 0.33, 0.4),
@@ -157,10 +158,8 @@ _OWN = {  # an autopilot of the user's own: as fast as the slower of the two
     "all": _ALL,
 }
 _CLASS_DURATION_S = {"turn": 10.0, "speed": 30.0, "climb": 30.0, "all": 30.0}
-_CLIMB_MAX = (
-    "TECS_CLMB_MAX",
-    "FW_T_CLMB_MAX",
-)  # what an autopilot's parameters allow; faster climbs are not asked
+# What an autopilot's parameters allow; faster climbs are not asked.
+_CLIMB_MAX = ("TECS_CLMB_MAX", "FW_T_CLMB_MAX")
 
 
 def climb_max(airframe: Airframe) -> float:

@@ -29,7 +29,7 @@ _CHUNK = 20  # periods between two looks at the engines
 _MOST_PERIODS = 8_000  # 40 s at 200 Hz; spools take twenty seconds
 _SETTLED = 1e-9  # change over a chunk, as a share of the largest force and of each state
 _NEARLY = 1e-7  # a change that counts as settled where an engine does not come nearer
-_CYCLING = 1e-4  # of a governor that hunts: what is left after that time
+_CYCLING = 1e-4  # what may still change after that time
 _PATIENCE = 40  # chunks without progress until it does
 _TURNS = 1.0  # rpm or percent: a slower shaft counts as standing
 _NOTHING = 1e-3  # rpm, percent, Pa, lbs or lbs ft: changes of smaller values are taken as shares of this
@@ -84,7 +84,7 @@ def spools(fdm: Held) -> list[tuple[Any, float]]:
 
 def _steady(fdm: Held) -> NDArray[np.float64]:
     """Run the captive aircraft until its engines are steady; returns their states and forces."""
-    now = _look(fdm)
+    before = now = _look(fdm)
     least, idle, change = np.inf, 0, np.inf
     for _ in range(_MOST_PERIODS // _CHUNK):
         before = now
@@ -97,7 +97,8 @@ def _steady(fdm: Held) -> NDArray[np.float64]:
         least = min(least, change)
         if idle > _PATIENCE and change < _NEARLY:
             return now
-    if change < _CYCLING:
+    # A governor that hunts, and a shaft without a motor that coasts and no longer pulls.
+    if change < _CYCLING or _change(fdm, before, now, forces=True) < _CYCLING:
         return now
     what = "engines are" if fdm.engine_states else "the model's own flight control is"
     raise FdmError(f"{fdm.airframe.name}: {what} not steady after {_MOST_PERIODS} periods at rest")
@@ -193,9 +194,9 @@ def _look(fdm: Held) -> NDArray[np.float64]:
     return np.array([node.get_double_value() for node in nodes])
 
 
-def _change(fdm: Held, before: NDArray[np.float64], now: NDArray[np.float64]) -> float:
-    """The largest change, as a share of each state and of the largest force."""
+def _change(fdm: Held, before: NDArray[np.float64], now: NDArray[np.float64], forces: bool = False) -> float:
+    """The largest change, as a share of each state and of the largest force; or of the forces alone."""
     n = len(fdm.engine_states)
     size = np.maximum(np.abs(now), _NOTHING)
     size[n:] = size[n:].max()
-    return float((np.abs(now - before) / size).max())
+    return float((np.abs(now - before) / size)[n if forces else 0 :].max())

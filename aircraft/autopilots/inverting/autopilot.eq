@@ -77,8 +77,8 @@ gain level_aileron*_rad [rad] -0.1 to 0.1: aileron of level flight, at that airs
 gain level_rudder*_rad [rad] -0.1 to 0.1: rudder of level flight, at that airspeed
 gain thrust_max*_mps2 [m/s2] 1 to 10: thrust over mass at full throttle, at that airspeed
 gain thrust_min*_mps2 [m/s2] -2 to 1: thrust over mass at idle, at that airspeed
-gain thrust_share*_* [] 0 to 1: share of the throttle that gives a quarter, half and three quarters of the
-  thrust, at that airspeed
+gain thrust_share*_* [] 0 to 1: share of the thrust range that each eighth of the throttle's range gives,
+  at that airspeed
 gain thrust_idle [] 0 to 0.2: least throttle
 gain thrust_full [] 0.8 to 1: most throttle
 gain envelope_airspeed_min_mps [m/s] 9 to 60: lowest airspeed, kept above all else
@@ -187,6 +187,14 @@ for level: share_2 = interp(airspeed_mps, level_v1_mps, thrust_share1_2, level_v
   level_v3_mps, thrust_share3_2, level_v4_mps, thrust_share4_2, level_v5_mps, thrust_share5_2)
 for level: share_3 = interp(airspeed_mps, level_v1_mps, thrust_share1_3, level_v2_mps, thrust_share2_3,
   level_v3_mps, thrust_share3_3, level_v4_mps, thrust_share4_3, level_v5_mps, thrust_share5_3)
+for level: share_4 = interp(airspeed_mps, level_v1_mps, thrust_share1_4, level_v2_mps, thrust_share2_4,
+  level_v3_mps, thrust_share3_4, level_v4_mps, thrust_share4_4, level_v5_mps, thrust_share5_4)
+for level: share_5 = interp(airspeed_mps, level_v1_mps, thrust_share1_5, level_v2_mps, thrust_share2_5,
+  level_v3_mps, thrust_share3_5, level_v4_mps, thrust_share4_5, level_v5_mps, thrust_share5_5)
+for level: share_6 = interp(airspeed_mps, level_v1_mps, thrust_share1_6, level_v2_mps, thrust_share2_6,
+  level_v3_mps, thrust_share3_6, level_v4_mps, thrust_share4_6, level_v5_mps, thrust_share5_6)
+for level: share_7 = interp(airspeed_mps, level_v1_mps, thrust_share1_7, level_v2_mps, thrust_share2_7,
+  level_v3_mps, thrust_share3_7, level_v4_mps, thrust_share4_7, level_v5_mps, thrust_share5_7)
 # Thrust available and drag in level flight at this bank, as accelerations.
 for level: thrust_max_mps2 = interp(airspeed_mps, level_v1_mps, thrust_max1_mps2, level_v2_mps,
   thrust_max2_mps2, level_v3_mps, thrust_max3_mps2, level_v4_mps, thrust_max4_mps2, level_v5_mps,
@@ -348,8 +356,8 @@ without level: throttle_wanted = where(thrust_mps2 > thrust_knee_mps2,
 # Of an adopted aircraft: the share of the thrust range, and the throttle that gave it at this airspeed.
 for level: thrust_share = (thrust_mps2 - thrust_min_mps2) / max(thrust_max_mps2 - thrust_min_mps2, 0.01)
 for level: throttle_wanted = thrust_idle + (thrust_full - thrust_idle) *
-  (interp(thrust_share, 0, 0, share_1, 0.25, share_2, 0.5, share_3, 0.75, 1, 1) + min(thrust_share, 0) +
-  max(thrust_share - 1, 0))
+  (interp(thrust_share, 0, 0, share_1, 0.125, share_2, 0.25, share_3, 0.375, share_4, 0.5, share_5, 0.625,
+  share_6, 0.75, share_7, 0.875, 1, 1) + min(thrust_share, 0) + max(thrust_share - 1, 0))
 without level: throttle = clip(throttle_wanted, 0, 1)
 for level: throttle = clip(throttle_wanted, thrust_idle, thrust_full)
 throttle_free = throttle == throttle_wanted
