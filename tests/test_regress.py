@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aircraft.airframe import copy
 from testbed.campaigns.job import Job
 from testbed.errors import UserError
 from testbed.regression import recording
@@ -181,6 +182,15 @@ def test_recording_twice_gives_the_same_bytes(kept: Path, tmp_path: Path) -> Non
 def test_an_unchanged_project_passes_on_recorded_and_on_fresh_seeds(kept: Path, block: int) -> None:
     report = check(kept, "x8", block=block, workers=1)
     assert not report.degraded and f"seeds {20 * block - 19} to {20 * block}" in report.title
+
+
+def test_a_check_refuses_an_airframe_whose_numbers_are_stale(kept: Path, tmp_path: Path) -> None:
+    """Against a recorded baseline an aircraft whose lags are another's would be blamed for what it is not."""
+    mine = copy("x8", tmp_path / "mine")
+    toml = mine / "airframe.toml"
+    toml.write_text(toml.read_text().replace("bandwidth_radps = 9.5", "bandwidth_radps = 4.5"))
+    with pytest.raises(UserError, match=f"testbed aircraft identify {mine}"):
+        check(kept, "x8", overrides=[f'airframes=["{mine.as_posix()}"]'], workers=1)
 
 
 def test_a_degradation_says_what_where_and_by_how_much(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
