@@ -104,3 +104,11 @@ def test_describe_says_unstable_and_quotes_no_margin(wild):
 def test_no_margin_is_quoted_at_a_speed_whose_flight_oscillates():
     rows = margin_rows(load("x8"), [18.0, 20.0], unstable=[18.0])
     assert all(math.isnan(row.value) == (row.case.endswith("at 18 m/s")) for row in rows)
+
+
+def test_no_margin_is_quoted_where_a_pole_grows():
+    """At 60 per s the bank feedback is too high at 18 m/s; the flight was not asked. At 40 it is not."""
+    for gain, quoted in ((60.0, False), (40.0, True)):
+        rows = margin_rows(load("x8").with_gains({"turn.bank_feedback_per_s": gain}), [18.0])
+        assert rows and all(math.isnan(row.value) is not quoted for row in rows)
+        assert quoted or not any(row.met for row in rows)
