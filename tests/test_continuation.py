@@ -207,7 +207,7 @@ def test_a_continuation_goes_along_the_line_to_its_target():
     assert problem.solved(target, found.x)
 
 
-def stepped(limit, shortest=1 / 128):
+def stepped(limit, **shortest):
     """Shares of the way at which a solution is sought that exists up to `limit`."""
     asked = []
 
@@ -216,7 +216,7 @@ def stepped(limit, shortest=1 / 128):
         return np.array([x[0] - 2 * p[0]])
 
     problem = Problem(residuals, np.array([0.0]), np.array([2 * (3.0 + limit)]))
-    found = follow(problem, np.array([3.0]), np.array([6.0]), np.array([4.0]), shortest)
+    found = follow(problem, np.array([3.0]), np.array([6.0]), np.array([4.0]), **shortest)
     return found, list(dict.fromkeys(np.round(asked, 6)))
 
 
