@@ -14,6 +14,7 @@ from testbed.claims import own_filter, registry
 from testbed.claims.judging import at_pair, decide, finer, leave_open, premise_not_met
 from testbed.claims.registry import Claim
 from testbed.measures.between_samples import TOLERANCE_M
+from testbed.measures.progress import seeking
 from testbed.measures.roles import Mask, Roles
 from testbed.measures.run_statistics import RunStatistics
 from testbed.records.verdict import Verdict
@@ -200,10 +201,10 @@ def _rows(f: Flown, v: Verdict) -> Verdict:
 
 def _goals(f: Flown, v: Verdict) -> Verdict:
     s, statistics = f.scenario, f.statistics
-    seeking = _seeking(f)
-    if not seeking.any():
+    due = seeking(f.scenario)
+    if not due.any():
         return v.but(why="no vehicle seeks a goal")
-    worst = int(np.argmax(np.where(seeking, statistics.goal.value, -np.inf)))
+    worst = int(np.argmax(np.where(due, statistics.goal.value, -np.inf)))
     value = float(statistics.goal.value[worst])
     v = v.but(
         value=value,
@@ -212,11 +213,11 @@ def _goals(f: Flown, v: Verdict) -> Verdict:
         instant=float(statistics.goal.t[worst]),
         vehicles=(worst + 1,),
     )
-    late = int(np.isnan(statistics.passed[seeking]).sum())
+    late = int(np.isnan(statistics.passed[due]).sum())
     if late:
-        v = v.but(why=f"{late} of {seeking.sum()} not within it by the end")
+        v = v.but(why=f"{late} of {due.sum()} not within it by the end")
     else:
-        v = v.but(detail={"last_passed_s": float(np.max(statistics.passed[seeking]))})
+        v = v.but(detail={"last_passed_s": float(np.max(statistics.passed[due]))})
     return decide(v, value <= s.goal_radius_m, f.end)
 
 
@@ -236,12 +237,6 @@ def _intervention(f: Flown, v: Verdict) -> Verdict:
         "time_added_s": _known(time),
     }
     return v.but(value=float(share[worst]), vehicles=(worst + 1,), why="reported, not judged", detail=detail)
-
-
-def _seeking(f: Flown) -> np.ndarray:
-    """Whether each vehicle has a goal to come to; an intruder's is its own affair."""
-    seeking = guidance_rules.seeking(f.scenario)
-    return seeking if f.under is None else seeking & f.under
 
 
 def _known(values: np.ndarray) -> list[float | None]:

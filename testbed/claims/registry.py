@@ -169,6 +169,12 @@ GOAL = Claim(
     "m",
     "every vehicle under the filter passes its goal within {goal_radius_m} m before the run ends",
 )
+# Of runs longer than its bound.
+PROGRESS = Claim(
+    "progress", "G7b", Kind.GUARANTEE,
+    "nobody waits for ever: within the bound each comes {goal_radius_m} m nearer to its goal, or to it",
+    "beyond the paper: docs/guide/scorecard.md", "longest time without coming nearer", "s",
+)  # fmt: skip
 INTERVENTION = Claim(
     "intervention",
     "G8",
@@ -240,6 +246,7 @@ GUARANTEES = (
     INTERVENTION,
 )
 INTRUDERS = (SEPARATION_INTRUDERS,)
+LIVENESS = (PROGRESS,)
 FENCES = (FENCE_CLEARANCE, FENCE_SAFE_SET)
 # Judged only where the scenario limits how far vehicles know of each other.
 RANGES = (RANGE_IS_ENOUGH,)
@@ -269,13 +276,14 @@ def excused(declared: bool, flow: bool) -> frozenset[str]:
     return frozenset({claim.id for claim in OF_THE_PAPERS_BARRIER} - kept)
 
 
-EVERY = (*PREMISES, *RANGES, *GUARANTEES, *INTRUDERS, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)
+EVERY = (*PREMISES, *RANGES, *GUARANTEES, *INTRUDERS, *LIVENESS, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)
 CLAIMS = {claim.id: claim for claim in EVERY}
 # What a run can lose: intervention is reported, not judged.
 JUDGED = (
     *(claim for claim in GUARANTEES if claim is not INTERVENTION),
     MANOEUVRE_KEEPS_DS,
     *INTRUDERS,
+    *LIVENESS,
     *FENCES,
     *OWN,
 )

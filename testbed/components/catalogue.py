@@ -22,7 +22,7 @@ from testbed.components import remedies
 from testbed.components.barriers import MAKERS
 from testbed.components.fences import fences
 from testbed.components.following.arrival import CircleAtGoal
-from testbed.components.following.making import fleet_guidance
+from testbed.components.following.making import Fleet, fleet_guidance
 from testbed.components.guidance import Guidance
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
@@ -161,11 +161,17 @@ def guidance(s: Scenario, goal: Array, b: Barrier) -> Guidance:
         found = b.manoeuvre(s.vehicles)
         if found is None:
             raise UserError(
-                'guidance.kind: "manoeuvre" needs one evading manoeuvre; this barrier has one per pair'
+                "guidance.kind: 'manoeuvre' and 'roundabout' need one evading manoeuvre; this barrier has one"
+                " per pair"
             )
         return found
 
-    law = fleet_guidance(fleet.guidances(s), limits(s), goal, gamma)
+    def start() -> Array:
+        return places(s, generators(s.seed)["start"])[0].position
+
+    law = fleet_guidance(
+        Fleet(fleet.guidances(s), limits(s), goal, gamma, start, s.d_safe_m, s.goal_radius_m)
+    )
     if s.goal.on_arrival != "loiter":
         return law
     seeks = guidance_rules.seeking(s)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from filters.model import Array, State
+from testbed.components.random_starts import random_goals
 from testbed.scenario import guidance_rules
 from testbed.scenario.scenario import Scenario
-from testbed.scenario.start import Circle
+from testbed.scenario.start import Circle, RandomGoals, Streams
 
 # Append only: a stream's position decides its numbers.
 STREAMS = ("start", "plant", "gust", "noise", "network", "other")
@@ -26,8 +27,10 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
     its goal is the antipode (Squires et al. 2022, III.D, without the goal's stray pi).
     Perturbations are drawn whatever their size, so that equal seeds stay paired across scenarios; offsets
     are added to them.
+    Raises  UserError where no safe places are found for random goals
     """
     start, n = scenario.start, scenario.vehicles
+    lateral, turn, height = rng.uniform(-1.0, 1.0, (3, n))
     if isinstance(start, Circle):
         angle = np.arange(n) * (2 * np.pi / n)
         x, y = start.radius_m * np.cos(angle + np.pi), start.radius_m * np.sin(angle + np.pi)
@@ -36,6 +39,10 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
         goal = np.stack(
             [start.radius_m * np.cos(angle), start.radius_m * np.sin(angle), np.zeros(n)], axis=-1
         )
+    elif isinstance(start, RandomGoals):
+        x, y, theta, z, goal = random_goals(scenario, start, rng)
+    elif isinstance(start, Streams):
+        x, y, theta, z, goal = _streams(start, n)
     else:
         p = start.places
         x, y, z = (np.array([getattr(q, name) for q in p]) for name in ("x_m", "y_m", "z_m"))
@@ -48,7 +55,6 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
     if start.round_decimals is not None:
         x, y = np.round(x, start.round_decimals), np.round(y, start.round_decimals)
         theta = np.radians(np.round(np.degrees(theta), start.round_decimals))
-    lateral, turn, height = rng.uniform(-1.0, 1.0, (3, n))
     across = lateral * start.lateral_perturbation_m + _each(start.lateral_offsets_m, n)
     x, y = x - across * np.sin(theta), y + across * np.cos(theta)
     turned = turn * np.radians(start.heading_perturbation_deg) + np.radians(
@@ -56,6 +62,16 @@ def places(scenario: Scenario, rng: np.random.Generator) -> tuple[State, Array]:
     )
     up = height * start.height_perturbation_m + _each(start.height_offsets_m, n)
     return State(x, y, theta + turned, z + up), goal
+
+
+def _streams(start: Streams, n: int) -> tuple[Array, Array, Array, Array, Array]:
+    """x, y, course, height (n,) and goal (n, 3) of two streams that cross at the origin."""
+    place, most = np.arange(n) // 2, (n + 1) // 2 - 1
+    theta = np.radians(start.crossing_deg) * (np.arange(n) % 2)
+    behind = start.ahead_m + start.spacing_m * place
+    beyond = start.ahead_m + start.spacing_m * (most - place)
+    ahead = np.stack([np.cos(theta), np.sin(theta), np.zeros(n)], axis=-1)
+    return -behind * ahead[:, 0], -behind * ahead[:, 1], theta, np.zeros(n), beyond[:, None] * ahead
 
 
 def _own_places(

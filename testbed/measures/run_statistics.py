@@ -16,6 +16,7 @@ from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.extreme import Extreme
 from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.near_misses import NearMisses
+from testbed.measures.progress import Progress
 from testbed.measures.roles import Roles
 from testbed.measures.saturation import Saturation
 from testbed.measures.track_error import TrackErrors
@@ -56,6 +57,7 @@ class RunStatistics:
     fences      how near vehicles came to their fences; None without fences
     bends       how paths bend between samples
     roles       who is under the filter; None without intruders
+    progress    how long vehicles wait on the way to their goals; None where the run is too short to tell
     tracks      distances from recorded tracks that vehicles follow; None where none follows one
 
     Vehicles that have left (`gone`, (S, N) bool at filter steps; None if none can) are not judged from that
@@ -72,6 +74,7 @@ class RunStatistics:
     fences: FenceStatistics | None = None
     roles: Roles | None = None
     tracks: TrackErrors | None = None
+    progress: Progress | None = None
     bends: Bends = field(init=False)
     separation: Extreme = field(init=False)
     between: Extreme = field(init=False)
@@ -96,6 +99,7 @@ class RunStatistics:
     failures_inside: int = 0
     first_failure: tuple[float, int, str] | None = None
     worst_residual: float = 0.0
+    last_s: float = 0.0  # of the positions taken in
 
     def __post_init__(self) -> None:
         n, pairs = self.vehicles, self.vehicles * (self.vehicles - 1) // 2
@@ -154,6 +158,9 @@ class RunStatistics:
                     self.arcs.update(begin, *motion, by_period, fdm_dt)
         distance = _without(away, np.sqrt(_square((track - self._goal).transpose(2, 0, 1))))
         self.goal.update(t, distance)
+        self.last_s = float(t[-1])
+        if self.progress is not None:
+            self.progress.update(t[periods - 1 :: periods], distance[periods - 1 :: periods])
         inside = distance <= self._goal_radius
         flying = np.isnan(self.passed)
         if len(whole) > 1:

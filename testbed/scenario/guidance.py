@@ -139,6 +139,49 @@ class RecordedTrack(_Following):
         return self
 
 
+class Layers(_Following):
+    """Flies to the goal in a layer of height of its own: climbs to it, holds it, descends to the goal."""
+
+    kind: Literal["layers"]
+    speed_mps: Speed = Field(default=20.0, description="ground speed")
+    layers: Annotated[int, Field(ge=1, le=1000)] | None = Field(
+        default=None,
+        description="how many, dealt in turn to the vehicles that fly so; absent: as many as the shortest way"
+        " leaves time to climb to and to descend from, at most one a vehicle",
+    )
+    spacing_m: Positive | None = Field(default=None, description="between layers; absent: Ds + 3 m")
+    middle_m: Coordinate = Field(default=0.0, description="height of the middle of all layers")
+    height_m: Coordinate | None = Field(
+        default=None, description="the layer itself, of a [vehicle.guidance]; absent: dealt"
+    )
+    climb_mps: Positive | None = Field(
+        default=None, description="of the descent to the goal; absent: 0.7 of the climb rate limit"
+    )
+    height_gain_per_s: Positive = Field(default=0.3, description="on the height")
+
+
+class Roundabout(_Following):
+    """Flies around the centroid of the goals, against the evading turn, and leaves to its goal."""
+
+    kind: Literal["roundabout"]
+    speed_mps: Speed = Field(default=20.0, description="ground speed")
+    radius_m: Positive | None = Field(
+        default=None,
+        description="of the ring; absent: from the number of vehicles and room_m, at least what 0.6 of the"
+        " turn rate limit flies",
+    )
+    room_m: Positive = Field(
+        default=8.0, description="h between neighbours evenly spread on the ring, which gives its radius"
+    )
+    centre_m: Annotated[list[Coordinate], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="[x, y]; absent: the centroid of the goals"
+    )
+    approach_m: Positive | None = Field(
+        default=None, description="as of 'waypoints', from the ring outwards and inwards"
+    )
+    height_gain_per_s: Positive = Field(default=0.3, description="on the height, which is the goal's")
+
+
 class InstalledGuidance(_Guidance):
     """Guidance that an installed package offers by name."""
 
@@ -155,6 +198,8 @@ GUIDANCES = Kinds(
         "loiter": Loiter,
         "hold": Hold,
         "track": RecordedTrack,
+        "layers": Layers,
+        "roundabout": Roundabout,
     },
     {
         "near-identity": "guidance towards the goal",
@@ -163,6 +208,8 @@ GUIDANCES = Kinds(
         "loiter": "guidance around a circle",
         "hold": "guidance that holds a course",
         "track": "guidance along a recorded track",
+        "layers": "guidance in layers of height",
+        "roundabout": "guidance around a ring",
     },
     role="guidance",
     other=InstalledGuidance,
@@ -174,6 +221,8 @@ Guidance = Annotated[
     | Annotated[Loiter, Tag("loiter")]
     | Annotated[Hold, Tag("hold")]
     | Annotated[RecordedTrack, Tag("track")]
+    | Annotated[Layers, Tag("layers")]
+    | Annotated[Roundabout, Tag("roundabout")]
     | Annotated[InstalledGuidance, Tag(INSTALLED)],
     Discriminator(GUIDANCES.tag),
     BeforeValidator(GUIDANCES.settled),

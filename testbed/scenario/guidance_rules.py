@@ -14,9 +14,11 @@ from testbed.scenario.guidance import (
     EvadingManoeuvre,
     Guidance,
     Hold,
+    Layers,
     Loiter,
     NearIdentity,
     RecordedTrack,
+    Roundabout,
     Waypoints,
 )
 from testbed.scenario.tables import InputSet
@@ -25,7 +27,7 @@ from testbed.scenario.track_file import shorter
 
 def check_guidance(s: Contents) -> None:
     """Raises ValueError naming the first table whose guidance its vehicle cannot fly within its limits."""
-    if not s.vehicle and not isinstance(s.guidance, Hold | Waypoints | Loiter):
+    if not s.vehicle and not isinstance(s.guidance, Hold | Waypoints | Loiter | Layers | Roundabout):
         return
     for table, where, box in _each(s):
         speeds = _speeds(table)
@@ -35,13 +37,31 @@ def check_guidance(s: Contents) -> None:
                     f"{where}.speed_mps: {speed:g} m/s is outside the limits {box.v_min_mps:g} to"
                     f" {box.v_max_mps:g} m/s"
                 )
-        if isinstance(table, Loiter):
+        if isinstance(table, Loiter | Roundabout):
             _check_circle(table, where, box)
+        if isinstance(table, Layers):
+            _check_layers(table, where, box, s.d_safe_m)
 
 
-def _check_circle(table: Loiter, where: str, box: InputSet) -> None:
+def _check_layers(table: Layers, where: str, box: InputSet, d_safe: float) -> None:
+    if box.zeta_max_mps == 0:
+        raise ValueError(f"{where}.kind: with limits.zeta_max_mps = 0 no layer can be climbed to")
+    if table.climb_mps is not None and table.climb_mps > box.zeta_max_mps:
+        raise ValueError(
+            f"{where}.climb_mps: {table.climb_mps:g} m/s is above the limit {box.zeta_max_mps:g} m/s"
+        )
+    if table.spacing_m is not None and table.spacing_m < d_safe:
+        raise ValueError(
+            f"{where}.spacing_m: {table.spacing_m:g} m is below Ds, d_safe_m = {d_safe:g} m: vehicles in"
+            " neighbouring layers would not be apart; give more, or leave it out"
+        )
+
+
+def _check_circle(table: Loiter | Roundabout, where: str, box: InputSet) -> None:
     if box.omega_max_degps == 0:
         raise ValueError(f"{where}.radius_m: with limits.omega_max_degps = 0 no circle can be flown")
+    if table.radius_m is None:
+        return
     least = table.speed_mps / radians(box.omega_max_degps)
     if table.radius_m < least * (1 - 1e-9):
         raise ValueError(
@@ -60,7 +80,7 @@ def _each(s: Contents) -> Iterator[tuple[Guidance, str, InputSet]]:
 
 def _speeds(table: Guidance) -> list[float]:
     match table:
-        case Hold() | Loiter():
+        case Hold() | Loiter() | Layers() | Roundabout():
             return [table.speed_mps]
         case Waypoints():
             return table.places()[1]
@@ -108,8 +128,9 @@ def seeking(s: Contents) -> NDArray[np.bool_]:
 
 
 def straight_to_goal(s: Contents) -> list[bool]:
-    """Whether each vehicle flies to its goal on no path of its own, by the paper's guidance."""
-    return [isinstance(table, NearIdentity | EvadingManoeuvre) for table in fleet.guidances(s)]
+    """Whether each vehicle's time alone is that of the straight way to its goal, at its guidance's speed."""
+    direct = NearIdentity | EvadingManoeuvre | Layers | Roundabout
+    return [isinstance(table, direct) for table in fleet.guidances(s)]
 
 
 def follow_tracks(s: Contents) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from testbed.scenario.scenario import Scenario
+from testbed.scenario.start import RandomGoals
 
 
 def random_fields(s: Scenario) -> list[str]:
@@ -13,6 +14,7 @@ def random_fields(s: Scenario) -> list[str]:
         for name in ("lateral_perturbation_m", "heading_perturbation_deg", "height_perturbation_m")
         if getattr(start, name)
     ]
+    perturbed += ["start.pattern"] if isinstance(start, RandomGoals) else []
     errors = [
         f"sensing.{name}"
         for name, value in s.sensing

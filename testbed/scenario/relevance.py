@@ -86,6 +86,11 @@ def _windy(s: Contents) -> bool:
     return bool(s.wind.speed_mps)
 
 
+PLACING = (
+    *("radius_m", "course_offset_deg", "places"),
+    *("square_m", "goal_distance_m", "start_h_m"),
+    *("crossing_deg", "ahead_m", "spacing_m"),
+)
 LIMITS = ("v_min_mps", "v_max_mps", "omega_max_degps", "zeta_max_mps")
 MANOEUVRE = ("kind", "v_mps", "omega_degps", "zeta_mps", "sigma", "speed_step", "manoeuvres")
 
@@ -96,7 +101,7 @@ RULES = (
         "every [[vehicle]] table names its own; leave it out",
     ),
     Rule(
-        ("start.pattern", "start.radius_m", "start.course_offset_deg", "start.places"),
+        ("start.pattern", *(f"start.{name}" for name in PLACING)),
         lambda s: not (_every(s, "x_m") and _every(s, "goal_x_m")),
         "every [[vehicle]] table has its own start and goal; leave it out",
     ),

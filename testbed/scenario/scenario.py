@@ -33,7 +33,7 @@ from testbed.scenario.location import FIELD, placed
 from testbed.scenario.overrides import assign, is_within, meanings, read_value, remove, resolve
 from testbed.scenario.relevance import idle
 from testbed.scenario.spelling import ALONE, FIELDS, TABLES, current
-from testbed.scenario.start import Places
+from testbed.scenario.start import Places, RandomGoals
 from testbed.scenario.vehicle import field_names
 
 # In pydantic's validation context: fields without effect are kept.
@@ -50,6 +50,12 @@ class Scenario(Contents):
         barrier = fleet.barrier(self)
         if isinstance(start, Places) and len(start.places) != n:
             raise ValueError(f"start.places: {len(start.places)} places for {n} vehicles; list one each")
+        for k, v in enumerate(self.vehicle if isinstance(start, RandomGoals) else [], 1):
+            if v.placed or v.goal_x_m is not None:
+                raise ValueError(
+                    f"vehicle.{k}: start.pattern = 'random-goals' draws starts and goals, every pair safe;"
+                    " leave out its x_m and goal_x_m, or list places"
+                )
         for name in ("lateral_offsets_m", "heading_offsets_deg", "height_offsets_m"):
             given = len(getattr(start, name))
             if given not in (0, n):

@@ -1,10 +1,10 @@
-"""The [start] table: where the vehicles start, on a circle or listed one by one."""
+"""The [start] table: where vehicles start and their goals: on a circle, listed, drawn, or in two streams."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from testbed.scenario.fields import Coordinate, NonNegative, Positive, Section, Speed
 from testbed.scenario.kinds import Kinds
@@ -66,14 +66,58 @@ class Places(_Start):
     places: list[Place] = Field(default=[], description="one per vehicle")
 
 
+class RandomGoals(_Start):
+    """Starts and goals drawn from the seed in a square, courses towards the goals, every pair safe."""
+
+    pattern: Literal["random-goals"]
+    square_m: Positive = Field(default=700.0, description="side of the square about the origin, level")
+    goal_distance_m: NonNegative = Field(default=350.0, description="from a start to its goal, at least")
+    start_h_m: NonNegative = Field(
+        default=4.0, description="h of every pair at the start, at least; perturbations are added afterwards"
+    )
+
+    @model_validator(mode="after")
+    def fits(self) -> RandomGoals:
+        if self.goal_distance_m > self.square_m:
+            raise ValueError(
+                f"goal_distance_m: goals {self.goal_distance_m:g} m away hardly fit into a square of"
+                f" {self.square_m:g} m; make square_m larger"
+            )
+        return self
+
+
+class Streams(_Start):
+    """Two streams that cross at the origin, one eastwards; numbers alternate between them."""
+
+    pattern: Literal["streams"]
+    crossing_deg: Annotated[float, Field(ge=10, le=180)] = Field(
+        default=90.0, description="course of the second stream, counter-clockwise; 180 is head-on"
+    )
+    ahead_m: Positive = Field(
+        default=200.0,
+        description="from the first vehicle of each to the crossing, and from there to its goal",
+    )
+    spacing_m: Positive = Field(
+        default=60.0, description="between vehicles of a stream; each flies as far as all others"
+    )
+
+
 STARTS = Kinds(
     "pattern",
     "circle",
-    {"circle": Circle, "list": Places},
-    {"circle": "a start on a circle", "list": "a start from listed places"},
+    {"circle": Circle, "list": Places, "random-goals": RandomGoals, "streams": Streams},
+    {
+        "circle": "a start on a circle",
+        "list": "a start from listed places",
+        "random-goals": "a start drawn at random",
+        "streams": "a start in streams",
+    },
 )
 Start = Annotated[
-    Annotated[Circle, Tag("circle")] | Annotated[Places, Tag("list")],
+    Annotated[Circle, Tag("circle")]
+    | Annotated[Places, Tag("list")]
+    | Annotated[RandomGoals, Tag("random-goals")]
+    | Annotated[Streams, Tag("streams")],
     Discriminator(STARTS.tag),
     BeforeValidator(STARTS.settled),
 ]

@@ -16,6 +16,7 @@ from testbed.claims.fences import fence_claims
 from testbed.claims.flyable import unflyable
 from testbed.claims.monitored import monitored
 from testbed.claims.premises import premises
+from testbed.claims.progress import progress
 from testbed.claims.ranges import ranges
 from testbed.components import catalogue
 from testbed.components.border.contract import Breach, describe
@@ -61,7 +62,7 @@ def judge(
     # What a user's plant can fly steadily is unknown: that is no pass.
     unknown = [f"unknown whether {own['plant'].name} can fly it"] if "plant" in own else []
     verdicts = premises(flown, barrier, limits, unknown or unflyable(s, barrier, aircraft))
-    verdicts += ranges(flown) + guarantees.judge(flown) + fence_claims(flown)
+    verdicts += ranges(flown) + guarantees.judge(flown) + progress(flown) + fence_claims(flown)
     if made and made.replay and statistics.near_misses and end is None:
         statistics.near_misses.close()
         try:

@@ -23,6 +23,7 @@ from testbed.measures.declared_barrier import DeclaredBarrier
 from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.near_misses import NearMisses
+from testbed.measures.progress import progress_of
 from testbed.measures.run_statistics import RunStatistics
 from testbed.measures.saturation import Saturation
 from testbed.measures.track_error import TrackErrors
@@ -98,6 +99,7 @@ class Session:
         self._statistics = RunStatistics(
             s.vehicles, surfaces, near_misses, arcs=arcs, fences=fenced, roles=setting.roles
         )
+        self._statistics.progress = progress_of(s, setting.start.position, setting.goal)
         if follow_tracks(s) and "nominal" not in self._own:
             self._statistics.tracks = TrackErrors(s)
         if made and isinstance(made.filter, OwnFilter):

@@ -29,6 +29,7 @@ from testbed.verification.pair_claims import OF_PAIRS, SOLVING, Pairs
 from testbed.verification.path_bounds import PathBounds
 from testbed.verification.path_claims import PathClaims
 from testbed.verification.premise_claims import premises
+from testbed.verification.progress_claim import patience, waits
 from testbed.verification.range_claim import enough
 from testbed.verification.recorded import Recorded, read
 from testbed.verification.rows import Rows
@@ -88,6 +89,8 @@ def _findings(run: Recorded) -> Iterator[Finding]:
     judged += fenced.findings() if fenced else without_fences(run)
     if (p7 := run.guarantees.get(registry.RANGE_IS_ENOUGH.id)) is not None:
         judged.append(enough(Judge(run, p7)))
+    if (g7b := run.guarantees.get(registry.PROGRESS.id)) is not None:
+        judged.append(waits(Judge(run, g7b)))
     if (g9 := run.guarantees.get(registry.MANOEUVRE_KEEPS_DS.id)) is not None:
         some = fleet.among(run, fleet.which(run, "ours")) if fleet.strangers(run.scenario) else run
         judged.append(manoeuvre_keeps(pairs and pairs.among("ours"), Judge(some, g9)))
@@ -111,6 +114,8 @@ def _entries(run: Recorded) -> Finding:
         claims.append(registry.MANOEUVRE_KEEPS_DS)
     if fleet.strangers(s):
         claims += registry.INTRUDERS
+    if patience(s) is not None:
+        claims += registry.LIVENESS
     if run.declared:
         claims += registry.OWN
     if s["sensing"].get("range_m") is not None:

@@ -153,6 +153,10 @@ DETAILS = {
         "share_at_stop": _no("surfaces' stops are not known; the autopilot's flags and the throttle are"),
     },
     registry.GOAL.id: {"last_passed_s": _by("", otherwise="not every step was recorded")},
+    registry.PROGRESS.id: {
+        **{name: _by("", otherwise="not every step was recorded") for name in ("arrived", "of", "waiting")},
+        "added_s": _by("path-and-time"),
+    },
     registry.INTERVENTION.id: {
         **{name: _OWN for name in ("altered_v_m", "altered_omega_rad", "altered_zeta_m")},
         **{name: _by("path-and-time") for name in ("path_added_m", "time_added_s")},

@@ -18,6 +18,17 @@ DEFAULTS: Table = {
     "loiter": COMMON | {"speed_mps": 20.0, "sense": "left", "height_m": 0.0, "approach_m": None},
     "hold": COMMON | {"speed_mps": 20.0, "height_m": 0.0},
     "track": COMMON,
+    "layers": COMMON
+    | {
+        "speed_mps": 20.0,
+        "layers": None,
+        "spacing_m": None,
+        "middle_m": 0.0,
+        "height_m": None,
+        "climb_mps": None,
+    },
+    "roundabout": COMMON
+    | {"speed_mps": 20.0, "radius_m": None, "room_m": 8.0, "centre_m": None, "approach_m": None},
 }
 
 
@@ -38,7 +49,7 @@ def tables(s: Table) -> list[Table]:
 def seeks_goal(table: Table) -> bool:
     """Whether guidance by the table flies to a goal."""
     legs = table["kind"] == "waypoints" and not table["closed"]
-    return legs or table["kind"] in ("near-identity", "manoeuvre")
+    return legs or table["kind"] in ("near-identity", "manoeuvre", "layers", "roundabout")
 
 
 def limits(s: Table, k: int) -> tuple[float, float]:

@@ -244,6 +244,8 @@ class PathClaims:
         for k, law in enumerate(laws):
             if law["kind"] == "manoeuvre":
                 found[k] = left[k] / np.clip(manoeuvre(s)[k, 0], low[k], high[k])
+            elif law["kind"] in ("layers", "roundabout"):
+                found[k] = left[k] / np.clip(law["speed_mps"], low[k], high[k])
             elif law["kind"] == "near-identity":
                 # Gain times the level distance still to go, from all of it down to the goal radius.
                 to_go = straight[k] - left[k] * share

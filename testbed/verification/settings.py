@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.verification import fleet, guidance_laws
+from testbed.verification import deconfliction, drawing, fleet, guidance_laws
 from testbed.verification.future import Pose
 from testbed.verification.recorded import Array
 
@@ -49,12 +49,14 @@ def steepness(s: Scenario, h: Array) -> Array:
 
 
 def goals(s: Scenario) -> Array:
-    """(N, 3) m: listed, or the antipodes of a circle whose first vehicle stands in the west; else their own.
+    """(N, 3) m: listed, drawn, or the antipodes of a circle whose first vehicle is in the west.
 
     A vehicle's own goal is its table's, or the last of its waypoints.
     """
     start, n = s["start"], s["vehicles"]
-    if start["pattern"] == "list":
+    if start["pattern"] in drawing.PATTERNS:
+        made = drawing.places(s)[1].copy()
+    elif start["pattern"] == "list":
         made = np.array([[p["goal_x_m"], p["goal_y_m"], p["goal_z_m"]] for p in start["places"]])
     else:
         angle = 2 * np.pi / n * np.arange(n)
@@ -84,7 +86,10 @@ def seeking(s: Scenario) -> Array:
 def start(s: Scenario) -> Pose:
     """Where the vehicles begin (N,), drawn from the seed's first stream."""
     a, n = s["start"], s["vehicles"]
-    if a["pattern"] == "list":
+    if a["pattern"] in drawing.PATTERNS:
+        at = drawing.places(s)[0]
+        (x, y, z), course = at.position.T, np.degrees(at.theta)
+    elif a["pattern"] == "list":
         x, y, z = (np.array([p[key] for p in a["places"]], dtype=float) for key in ("x_m", "y_m", "z_m"))
         course = np.array([p["course_deg"] for p in a["places"]], dtype=float)
     else:
@@ -135,7 +140,14 @@ def nominal(s: Scenario, t: Array, pose: Pose, gamma: Array, complete: bool) -> 
     ):
         found = np.full((*pose.theta.shape, 3), np.nan)
         for k, table in enumerate(each):
-            if table["kind"] == "manoeuvre":
+            if table["kind"] in deconfliction.KINDS:
+                if complete:
+                    east, north, up = pose.position[:, k].T
+                    now = east + 1j * north, up, pose.theta[:, k]
+                    side = float(np.sign(gamma[k, 1] if gamma.ndim == 2 else gamma[1]))
+                    begin = start(s).position if table["kind"] == "layers" else to
+                    found[:, k] = deconfliction.wanted(s, k, each, now, begin, to, side)
+            elif table["kind"] == "manoeuvre":
                 found[:, k] = gamma[k] if gamma.ndim == 2 else gamma
             elif complete or table["kind"] != "waypoints":
                 place = pose.position[:, k, 0] + 1j * pose.position[:, k, 1]

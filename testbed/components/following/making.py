@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from filters.model import Array, Command, Limits, View
+from testbed.components.following.layers import Layers, dealt, descent_rate
 from testbed.components.following.lines import Hold, Waypoints
 from testbed.components.following.loiter import Loiter
+from testbed.components.following.roundabout import Roundabout, ring_radius, sense_against
 from testbed.components.following.track import FollowTrack, Track
 from testbed.components.guidance import Constant, Guidance, NearIdentity
 from testbed.errors import UserError
@@ -34,13 +36,40 @@ class Composite:
         return Command.of(wanted)
 
 
-def fleet_guidance(
-    each: Sequence[tables.Guidance], limits: Limits, goal: Array, gamma: Callable[[], Command]
-) -> Guidance:
-    """The guidance of vehicles whose tables are `each`.
+@dataclass(frozen=True)
+class Fleet:
+    """What laws that keep vehicles apart know of the fleet.
 
-    limits (N,); goal (N, 3) m; gamma() is the evading manoeuvre (N,), asked for where a vehicle flies it
+    each    the tables of all N vehicles
+    limits  (N,); goal (N, 3) m
+    gamma() the evading manoeuvre (N,), asked for where a vehicle flies it or against it
+    start() (N, 3) m, where vehicles begin, asked for where layers are dealt
     """
+
+    each: Sequence[tables.Guidance]
+    limits: Limits
+    goal: Array
+    gamma: Callable[[], Command]
+    start: Callable[[], Array]
+    d_safe: float
+    goal_radius: float
+
+    def who(self, kind: type) -> np.ndarray:
+        """The vehicles, from 0, whose table is of a kind."""
+        return np.array([k for k, table in enumerate(self.each) if isinstance(table, kind)], dtype=int)
+
+    def layers(self) -> Array:
+        """(N,) m, the layer of each vehicle; nan of those that fly in none."""
+        who, made = self.who(tables.Layers), np.full(len(self.each), np.nan)
+        way = np.hypot(*(self.goal - self.start())[who, :2].T)
+        dealing: list[Any] = [self.each[k] for k in who]
+        made[who] = dealt(dealing, self.limits[who], way, self.goal_radius, self.d_safe)
+        return made
+
+
+def fleet_guidance(fleet: Fleet) -> Guidance:
+    """The guidance of a fleet."""
+    each = fleet.each
     groups: list[tuple[Any, list[int]]] = []
     for k, table in enumerate(each):
         own = next((who for known, who in groups if known == table), None)
@@ -49,20 +78,18 @@ def fleet_guidance(
         else:
             own.append(k)
     if len(groups) == 1:
-        return _law(groups[0][0], limits, goal, gamma)
-    laws = []
-    for table, listed in groups:
-        who = np.array(listed)
-        laws.append((who, _law(table, limits[who], goal[who], lambda who=who: gamma()[who])))  # type: ignore[misc]
-    return Composite(laws)
+        return _law(groups[0][0], fleet, np.arange(len(each)))
+    return Composite([(np.array(who), _law(table, fleet, np.array(who))) for table, who in groups])
 
 
-def _law(table: tables.Guidance, limits: Limits, goal: Array, gamma: Callable[[], Command]) -> Guidance:
+def _law(table: tables.Guidance, fleet: Fleet, who: np.ndarray) -> Guidance:
+    """The law of the vehicles `who`, whose table is `table`."""
+    limits, goal = fleet.limits[who], fleet.goal[who]
     match table:
         case tables.NearIdentity():
             return NearIdentity(goal, table.lookahead_m, table.gain_per_s)
         case tables.EvadingManoeuvre():
-            return Constant(gamma())
+            return Constant(fleet.gamma()[who])
         case tables.Hold():
             course, height = np.radians(table.course_deg), table.height_m
             gains = table.course_gain_per_s, table.height_gain_per_s
@@ -81,7 +108,27 @@ def _law(table: tables.Guidance, limits: Limits, goal: Array, gamma: Callable[[]
         case tables.RecordedTrack():
             track = Track(np.array(table.rows))
             return FollowTrack(track, table.course_gain_per_s, table.position_gain_per_s, limits)
+        case tables.Layers():
+            gains, descent = (table.course_gain_per_s, table.height_gain_per_s), descent_rate(table, limits)
+            return Layers(
+                goal, fleet.goal_radius, fleet.layers()[who], table.speed_mps, descent, *gains, limits
+            )
+        case tables.Roundabout():
+            return _roundabout(table, fleet, who)
     raise UserError(
         f"vehicle.guidance.kind: {table.kind!r} is a part of an installed package, which flies all vehicles"
         " or none; say it in [guidance]"
     )
+
+
+def _roundabout(table: tables.Roundabout, fleet: Fleet, who: np.ndarray) -> Guidance:
+    """One ring for all vehicles that fly a roundabout, whichever of their tables says what."""
+    all_ = fleet.who(tables.Roundabout)
+    try:
+        sense = sense_against(fleet.gamma()[all_])
+    except ValueError as error:
+        raise UserError(f"guidance.kind: {error}; barrier.kind = 'turn' has one") from None
+    centre = fleet.goal[all_, :2].mean(axis=0) if table.centre_m is None else np.array(table.centre_m)
+    radius = ring_radius(table, len(all_), fleet.limits[all_], fleet.d_safe)
+    rest = table.course_gain_per_s, table.height_gain_per_s, fleet.limits[who], table.approach_m
+    return Roundabout(fleet.goal[who], centre, radius, sense, table.speed_mps, *rest)

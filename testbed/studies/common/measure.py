@@ -14,6 +14,7 @@ from testbed.claims.registry import GOAL, INTERVENTION, QP_FEASIBILITY, SAFE_SET
 from testbed.components.components import Parts
 from testbed.components.installed_parts import effective
 from testbed.scenario.scenario import Scenario, parse
+from testbed.scenario.start import RandomGoals
 
 Fields = dict[str, Any]
 STARTS = {"lateral_perturbation_m": 10.0, "heading_perturbation_deg": 5.0, "height_perturbation_m": 1.0}
@@ -102,9 +103,11 @@ def override(s: Scenario, fields: Fields) -> str:
 def default_starts(s: Scenario) -> Scenario:
     """The scenario, its starts perturbed by +-10 m, +-5 deg, +-1 m.
 
-    If it perturbs them itself, or says that it does not (a perturbation of 0), it is left as it is.
+    If it perturbs them itself, says that it does not (a perturbation of 0), or draws starts and goals, it is
+    left as it is.
     """
     start = s.start
-    if any(getattr(start, name) or name in start.model_fields_set for name in STARTS):
+    own = any(getattr(start, name) or name in start.model_fields_set for name in STARTS)
+    if own or isinstance(start, RandomGoals):
         return s
     return s.model_copy(update={"start": start.model_copy(update=STARTS)})

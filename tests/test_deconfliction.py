@@ -1,0 +1,279 @@
+"""Guidance that keeps vehicles apart, layers of height and a roundabout: closed forms and whole runs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import testbed
+from filters.barriers.closed_form import TurnBarrier
+from filters.model import Command, Limits, State, View, step
+from testbed.components.following.layers import Layers, dealt
+from testbed.components.following.roundabout import Roundabout, ring_radius, sense_against
+from testbed.errors import UserError
+from testbed.scenario import guidance as tables
+from testbed.scenario.scenario import Scenario, load, parse
+from testbed.simulation.refly import refly
+from testbed.verification.check import verify
+from tests.forgery import seal
+
+DT = 0.05
+OMEGA = np.radians(13.0)
+COARSE = ["filter_dt_s=0.05", "record_dt_s=0.05", "manoeuvre_instants=0"]
+
+
+def limits(n: int) -> Limits:
+    return Limits.of(np.tile([15.0, 25.0, OMEGA, 3.9], (n, 1)))
+
+
+def flown(law: Any, state: State, duration: float) -> np.ndarray:
+    """Poses (S, N, 4) of unicycles that fly what the law wants, inside the limits."""
+    box, poses = limits(len(state)), []
+    for k in range(round(duration / DT)):
+        poses.append(state.array())
+        wanted = box.clip(law(k * DT, View(state, Command(np.full(len(state), 20.0), 0.0, 0.0))))
+        state = step(state, wanted, DT)
+    return np.array(poses)
+
+
+def on_ring(radius: float, angle: np.ndarray, sense: float, z: np.ndarray) -> State:
+    theta = angle + sense * np.pi / 2
+    return State(radius * np.cos(angle), radius * np.sin(angle), theta, z)
+
+
+@given(
+    radius=st.floats(20, 600), omega=st.sampled_from([0.2, -0.2, 0.07]), seed=st.integers(0, 2**31),
+    speed=st.floats(12, 25),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_on_a_ring_against_gamma_h_is_the_distance_less_ds(
+    radius: float, omega: float, seed: int, speed: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    gamma = Command(np.full(5, speed), np.full(5, omega), np.zeros(5))
+    state = on_ring(radius, rng.uniform(-np.pi, np.pi, 5), sense_against(gamma), rng.uniform(-9, 9, 5))
+    values = TurnBarrier(speed, omega, 5.0, delta=0.0).values(state)
+    apart = np.linalg.norm(state.position[values.i] - state.position[values.j], axis=1)
+    # delta = 0 is the paper's h without its rounding.
+    assert values.h == pytest.approx(apart - 5.0, abs=1e-6)
+
+
+def test_with_gamma_s_sense_a_ring_of_two_turn_radii_has_no_h_at_all() -> None:
+    speed, omega = 16.0, 0.2
+    state = on_ring(2 * speed / omega, np.arange(5) * 2 * np.pi / 5, 1.0, np.zeros(5))
+    values = TurnBarrier(speed, omega, 5.0, delta=0.0).values(state)
+    # All circle about one centre: the least distance is zero, and h's root is rounded at 0.25 m.
+    assert values.h == pytest.approx(np.full(10, -4.75), abs=1e-5)
+
+
+@given(count=st.integers(2, 200), room=st.floats(1, 60))
+@settings(max_examples=40, deadline=None)
+def test_the_radius_gives_neighbours_the_room_asked_for(count: int, room: float) -> None:
+    radius = ring_radius(tables.Roundabout(kind="roundabout", room_m=room), count, limits(count), 5.0)
+    assert 2 * radius * np.sin(np.pi / count) - 5.0 >= room - 1e-9
+    assert radius >= 20.0 / (0.6 * OMEGA) - 1e-9
+    assert ring_radius(tables.Roundabout(kind="roundabout"), 1, limits(1), 5.0) == 20.0 / (0.6 * OMEGA)
+
+
+def test_a_manoeuvre_without_one_sense_has_no_roundabout() -> None:
+    for omega in ([0.0, 0.0], [0.2, -0.2], [0.2, 0.0], []):
+        with pytest.raises(ValueError, match="has none"):
+            sense_against(Command(np.full(len(omega), 20.0), np.array(omega), np.zeros(len(omega))))
+
+
+def anywhere(seed: int, n: int) -> tuple[State, np.ndarray]:
+    """Poses and goals (n, 3) in a square of 900 m, 60 m in height, whatever lies between them."""
+    rng = np.random.default_rng(seed)
+    x, y, z = rng.uniform(-1, 1, (3, n)) * [[450], [450], [30]]
+    return State(x, y, rng.uniform(-np.pi, np.pi, n), z), rng.uniform(-1, 1, (n, 3)) * [450, 450, 30]
+
+
+def arrived_s(poses: np.ndarray, goal: np.ndarray, radius: float = 20.0) -> np.ndarray:
+    """(N,) s, inf if never."""
+    near = np.linalg.norm(poses[:, :, [0, 1, 3]] - goal, axis=-1) <= radius
+    return np.where(near.any(axis=0), near.argmax(axis=0) * DT, np.inf)
+
+
+@pytest.mark.parametrize("kind", ["layers", "roundabout", "tight ring"])
+def test_a_vehicle_alone_arrives_from_anywhere_at_any_goal(kind: str) -> None:
+    """300 draws each: nobody circles its goal for ever, nor the ring."""
+    state, goal = anywhere(11, 300)
+    box = limits(300)
+    law: Any
+    if kind == "layers":
+        law = Layers(goal, 20.0, np.linspace(-28, 28, 300), 20.0, np.full(300, 2.7), 0.5, 0.3, box)
+    else:
+        radius = 147.0 if kind == "roundabout" else 95.0
+        law = Roundabout(goal, np.array([10.0, -20.0]), radius, -1.0, 20.0, 0.5, 0.3, box)
+    when = arrived_s(flown(law, state, 130.0), goal)
+    assert np.isfinite(when).all(), np.flatnonzero(~np.isfinite(when))
+
+
+def test_a_swap_around_the_ring_needs_no_filter() -> None:
+    for n, least in ((2, 150.0), (50, 14.0)):
+        fields = [
+            f"vehicles={n}",
+            "filter_dt_s=0.1",
+            "record_dt_s=1",
+            "manoeuvre_instants=0",
+            "duration_s=26",
+        ]
+        s = load("paper-20-turn", [*fields, "guidance.kind=roundabout", "filter.kind=none"])
+        run = testbed.run(s)
+        assert run.guarantee("separation")["value"] > least  # flown: 184, 16.2; of twenty 40.5
+        # h is the distance less Ds on the ring, and not much less on the way onto it.
+        assert run.guarantee("safe-set")["value"] > least - 6.0
+        assert run.guarantee("goal")["verdict"] == "holds"
+        assert run.guarantee("goal")["detail"]["last_passed_s"] < 25.0
+
+
+def layer(**fields: Any) -> tables.Layers:
+    return tables.Layers(kind="layers", **fields)
+
+
+def test_layers_are_dealt_evenly_and_neighbours_in_number_are_not_neighbours_in_height() -> None:
+    way = np.full(20, 400.0)
+    made = dealt([layer()] * 20, limits(20), way, 20.0, 5.0)
+    # (400 / 2 - 20) m at 20 m/s leave 9 s to climb at 0.7 of 3.9 m/s: 24.6 m up and down, layers 8 m apart.
+    heights, many = np.unique(made, return_counts=True)
+    assert heights.tolist() == [-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0] and many.max() == 3
+    assert np.abs(np.diff(made)).min() >= 16.0
+    for count in range(1, 40):
+        heights = dealt([layer(layers=count, spacing_m=6.0, middle_m=50.0)] * count, limits(count),
+                        np.full(count, 400.0), 20.0, 5.0)  # fmt: skip
+        assert np.sort(heights) == pytest.approx(50.0 + 6.0 * (np.arange(count) - (count - 1) / 2))
+        assert count in (1, 2, 3, 4, 6) or np.abs(np.diff(heights)).min() > 6.0
+    # A way too short to climb on has one layer; a layer of its own is the vehicle's.
+    assert dealt([layer()] * 3, limits(3), np.full(3, 30.0), 20.0, 5.0).tolist() == [0.0] * 3
+    assert dealt([layer(height_m=7.0), layer()], limits(2), np.full(2, 30.0), 20.0, 5.0).tolist() == [
+        7.0,
+        0.0,
+    ]
+
+
+def test_a_layer_is_climbed_to_held_and_left_in_time_for_the_goal() -> None:
+    goal = np.array([[600.0, 0.0, 5.0], [600.0, 50.0, 5.0]])
+    law = Layers(goal, 20.0, np.array([24.0, -16.0]), 20.0, np.full(2, 2.73), 0.5, 0.3, limits(2))
+    poses = flown(law, State([0.0, 0.0], [0.0, 50.0], 0.0, [0.0, 0.0]), 60.0)
+    z, x = poses[:, :, 3], poses[:, :, 0]
+    held = (x > 340) & (x < 400)
+    assert np.abs(z[held[:, 0], 0] - 24.0).max() < 0.3 and np.abs(z[held[:, 1], 1] + 16.0).max() < 0.3
+    at = np.argmax(x[:, 0] > 580.0)
+    assert z[at] == pytest.approx([5.0, 5.0], abs=0.3)  # the descent ends at the goal radius
+    assert z[-1] == pytest.approx([24.0, -16.0], abs=0.3)  # and after the goal the layer comes again
+
+
+def test_twenty_in_layers_arrive_under_the_paper_s_filter_and_keep_its_safe_set() -> None:
+    s = load("paper-20-turn", [*COARSE, "guidance.kind=layers", "duration_s=20"])
+    run = testbed.run(s)
+    assert run.guarantee("safe-set")["value"] > 1.0  # flown: 2.1 m; straight ahead 1.3 m
+    assert run.guarantee("goal")["verdict"] == "holds"
+
+
+def made(table: dict[str, Any], *overrides: str, **fields: Any) -> Scenario:
+    data = load(
+        "paper-2-turn", ["vehicles=5", "duration_s=24", "filter_dt_s=0.1", "record_dt_s=0.1", *overrides]
+    )
+    plain = data.model_dump(mode="json") | {"guidance": table, "checks": {"manoeuvre_instants": 0}} | fields
+    return parse(plain)
+
+
+RUNS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "layers": ({"kind": "layers"}, {"spacing_m": 9.5}),
+    "layers, set": (
+        {"kind": "layers", "layers": 4, "spacing_m": 7.0, "middle_m": 3.0, "climb_mps": 2.0},
+        {"climb_mps": 2.5},
+    ),
+    "roundabout": ({"kind": "roundabout"}, {"radius_m": 150.0}),
+    "roundabout, set": (
+        {
+            "kind": "roundabout",
+            "radius_m": 120.0,
+            "centre_m": [30, -50],
+            "approach_m": 40.0,
+            "speed_mps": 18.0,
+        },
+        {"centre_m": [30, -51]},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_run_is_verified_and_flown_again(name: str, tmp_path: Path) -> None:
+    table, forged = RUNS[name]
+    testbed.run(made(table), tmp_path / "r", force=True)
+    found = verify(tmp_path / "r")
+    assert [f.what for f in found if f.agrees is False] == []
+    assert {"nominal", "path-and-time"} <= {f.what for f in found if f.agrees}
+    assert [f.what for f in refly(tmp_path / "r") if f.agrees is False] == []
+    manifest = json.loads((tmp_path / "r/manifest.json").read_text())
+    manifest["scenario"]["guidance"] |= forged
+    (tmp_path / "r/manifest.json").write_text(json.dumps(manifest))
+    seal(tmp_path / "r")
+    assert "nominal" in [f.what for f in verify(tmp_path / "r") if f.agrees is False]
+
+
+def test_vehicles_of_one_fleet_share_ring_and_layers_whatever_else_they_say(tmp_path: Path) -> None:
+    mixed = [
+        {"guidance": {"kind": "layers"}}, {"guidance": {"kind": "layers", "speed_mps": 18.0}},
+        {"guidance": {"kind": "layers", "height_m": -20.0}}, {"guidance": {"kind": "roundabout"}},
+        {"guidance": {"kind": "roundabout", "speed_mps": 17.0}}, {},
+    ]  # fmt: skip
+    s = made({"kind": "near-identity", "lookahead_m": 5.0}, vehicles=6, vehicle=mixed, duration_s=15.0)
+    run = testbed.run(s, tmp_path / "r")
+    assert [f.what for f in verify(tmp_path / "r") if f.agrees is False] == []
+    z = run.vehicles[run.vehicles.t_s == 9.0].z_m.to_numpy()
+    assert z[2] < -15.0 and abs(z[0] - z[1]) > 4.0 and np.abs(z[3:]).max() < 1.0
+
+
+BAD = {
+    "too slow": (
+        {"kind": "layers", "speed_mps": 10},
+        r"guidance.speed_mps: 10 m/s is outside the limits 15 to 25",
+    ),
+    "too near": (
+        {"kind": "layers", "spacing_m": 4},
+        r"guidance.spacing_m: 4 m is below Ds, d_safe_m = 5 m: .*give more, or leave it out",
+    ),
+    "too steep": (
+        {"kind": "layers", "climb_mps": 5},
+        r"guidance.climb_mps: 5 m/s is above the limit 3.9 m/s",
+    ),
+    "no layers": ({"kind": "layers", "layers": 0}, r"guidance.layers: .*greater than or equal to 1"),
+    "a ring's": (
+        {"kind": "layers", "room_m": 9},
+        r"guidance.room_m: has no effect on guidance in layers of height; kind = 'roundabout' takes it",
+    ),
+    "too tight": (
+        {"kind": "roundabout", "radius_m": 50},
+        r"guidance.radius_m: 50 m at 20 m/s takes 22.9 deg/s and the limit is 13 deg/s; give 88.15 m or more",
+    ),
+    "half a centre": ({"kind": "roundabout", "centre_m": [1]}, r"guidance.centre_m: .*at least 2"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_table_that_cannot_be_flown_is_one_clear_line(name: str) -> None:
+    table, said = BAD[name]
+    with pytest.raises(UserError, match=said) as error:
+        made(table)
+    assert "\n" not in str(error.value)
+
+
+def test_what_the_limits_or_the_manoeuvre_exclude_is_refused() -> None:
+    with pytest.raises(UserError, match=r"guidance.kind: with limits.zeta_max_mps = 0 no layer"):
+        made({"kind": "layers"}, "zeta_max_mps=0")
+    ring = load("paper-2-straight", ["guidance.kind=roundabout"])
+    with pytest.raises(UserError, match=r"guidance.kind: a roundabout is flown against the evading turn"):
+        testbed.run(ring)
+    pairs = "barrier.pairs=[{i=1, j=2, v_mps=16, omega_degps=11}]"
+    with pytest.raises(
+        UserError, match="'roundabout' need one evading manoeuvre; this barrier has one per pair"
+    ):
+        testbed.run(load("paper-2-turn", ["guidance.kind=roundabout", "shared=false", pairs]))
