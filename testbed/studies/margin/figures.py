@@ -43,9 +43,9 @@ def margin(found: Margin, folder: Path) -> list[Path]:
                 x, y, yerr=[y - low, high - y], fmt=marker, ms=3.5, color=colour, capsize=2, label=stage
             )
         a.axhline(100 * found.target_rate, **LIMIT)
-        a.set(ylabel="runs that lose Ds [%], 95 % Clopper-Pearson interval")
+        a.set(ylabel="runs that lose Ds [%]")
         # Above the panels: within, it hides an interval of one knob or another.
-        figure.legend(loc="outside upper center", ncols=3)
+        figure.legend(loc="outside upper center", ncols=3, title="bars: 95 % Clopper-Pearson intervals")
         swept = sorted((p for p in found.points if p.stage == "sweep"), key=lambda p: p.setting)
         time = cost.twinx()
         time.grid(False)
