@@ -34,6 +34,7 @@ class Scales:
     speed_lag: float = 1.0
     hold: float = 1.0  # feedback of speed
     side: float = 0.0  # share of the side force that bank answers
+    yaw: float = 1.0  # feedback of sideslip and yaw rate
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def loop_gains(
         "speed": _speed(t, scales),
     }
     if controls.rudder is not None:
-        found["rudder"] = _rudder(locals_)
+        found["rudder"] = {name: scales.yaw * gain for name, gain in _rudder(locals_).items()}
     return found
 
 

@@ -15,8 +15,9 @@ Near = Callable[[float], Trim | None]
 
 _OVERSHOOT = {"omega": 0.06, "zeta": 0.07, "v": 0.05}  # what a search is content with
 _FINAL = 0.03
-_DISK = 0.8  # worst loop: quicker loops are not tried below
-_HELD, _MOST_HELD = 0.75, 4  # disk margin of the throttle's loop, and how often its feedback is lowered
+_LOOP = {"omega": "aileron", "zeta": "elevator", "v": "throttle"}
+_DISK = 0.8  # of the channel's loop: quicker ones are not tried below
+_HELD, _MOST_HELD = 0.75, 5  # disk margin of throttle and rudder, and how often their feedback is lowered
 _FIRMER = (1.4, 2.0)  # feedback of speed, of what the formula gives
 _FASTER, _SLOWER = 1.35, 0.75
 _TURNS, _CLIMBS = (1.0, 3.2), (0.35, 1.3)  # of the formulas' bandwidth
@@ -55,6 +56,9 @@ def search(model: Model, near: Near, say: Callable[[str], None]) -> Scales:
     if model.controls.rudder is None:
         say("search: the share of side force that bank answers")
         scales = _best(model, "omega", near, [replace(scales, side=x) for x in (0.0, 0.25, 0.5)])
+    else:
+        say("search: the rudder's feedback")
+        scales = _lowered(model, scales, "rudder", "yaw", near)
     say("search: turns")
     scales = _best(model, "omega", near, [replace(scales, turn_lag=x) for x in _LAGS])
     scales = _quicker(model, scales, "omega", "turn", _TURNS, near)
@@ -72,13 +76,17 @@ def _held(model: Model, scales: Scales, near: Near) -> Scales:
     now = _try(model, scales, "v", near)
     for hold in () if now.good("v") else _FIRMER:
         then = _try(model, replace(scales, hold=hold), "v", near)
-        if _cost(then) < _cost(now) and _throttle_margin(model, then.scales, near) >= _HELD:
+        if _cost(then) < _cost(now) and _margin(model, then.scales, "throttle", near) >= _HELD:
             now = then
-    scales = now.scales
+    return _lowered(model, now.scales, "throttle", "hold", near)
+
+
+def _lowered(model: Model, scales: Scales, loop: str, name: str, near: Near) -> Scales:
+    """Lower a feedback until its loop has the disk margin."""
     for _ in range(_MOST_HELD):
-        if _throttle_margin(model, scales, near) >= _HELD:
+        if _margin(model, scales, loop, near) >= _HELD:
             break
-        scales = replace(scales, hold=_SLOWER * scales.hold)
+        scales = replace(scales, **{name: _SLOWER * getattr(scales, name)})
     return scales
 
 
@@ -110,7 +118,11 @@ def _quicker(
         if value > ends[1]:
             break
         then = _try(model, replace(now.scales, **{name: value}), channel, near)
-        if not then.good(channel) or then.t63 > _GAIN * now.t63 or not _robust(model, then.scales, near):
+        if (
+            not then.good(channel)
+            or then.t63 > _GAIN * now.t63
+            or not _robust(model, then.scales, channel, near)
+        ):
             break
         now = then
     best = now
@@ -136,11 +148,14 @@ def _cost(tried: Tried) -> float:
     return tried.overshoot + tried.error + 0.02 * tried.t63
 
 
-def _throttle_margin(model: Model, scales: Scales, near: Near) -> float:
+def _margin(model: Model, scales: Scales, loop: str, near: Near) -> float:
+    """The disk margin of a loop, the worse of lowest and highest speed."""
     airframe, s = model.with_scales(scales), model.airframe.speeds
-    return min(disk_margins(airframe, (s.v_min_mps, s.v_max_mps), near, loops_=("throttle",)).values())
+    return min(disk_margins(airframe, (s.v_min_mps, s.v_max_mps), near, loops_=(loop,)).values())
 
 
-def _robust(model: Model, scales: Scales, near: Near) -> bool:
-    found = disk_margins(model.with_scales(scales), [model.airframe.speeds.v_min_mps], near, 8.0)
+def _robust(model: Model, scales: Scales, channel: str, near: Near) -> bool:
+    """Whether the channel's own loop has margin at the lowest speed; the others are still to be searched."""
+    v = [model.airframe.speeds.v_min_mps]
+    found = disk_margins(model.with_scales(scales), v, near, 8.0, [_LOOP[channel]])
     return min(found.values()) >= _DISK

@@ -174,7 +174,6 @@ def run_held(fdm: Held, n: int, at_once: bool = True) -> None:
     integrators = [fdm.node(f"simulation/integrator/{path}") for path in _INTEGRATORS]
     kept = [node.get_double_value() for node in integrators]
     freeze, time = fdm.node("propulsion/fuel_freeze"), executive.get_sim_time()
-    frozen = freeze.get_double_value()
     for node in integrators:
         node.set_double_value(_OFF)
     freeze.set_double_value(1.0)
@@ -182,7 +181,7 @@ def run_held(fdm: Held, n: int, at_once: bool = True) -> None:
     for _ in range(n):
         executive.run()
     executive.set_trim_status(False)
-    freeze.set_double_value(frozen)
+    freeze.set_double_value(float(fdm.airframe.setup.fuel_freeze))  # always 0 where it is read
     for node, value in zip(integrators, kept, strict=True):
         node.set_double_value(value)
     executive.set_sim_time(time)
