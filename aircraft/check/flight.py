@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from aircraft.airframes.files import Files, Finding, read_folder, toml_line
+from aircraft.autopilots.faults import faults
 from aircraft.autopilots.freshness import stale_feedforward, stale_lags
-from aircraft.autopilots.stability import instabilities
 from aircraft.autopilots.tuning import fly
 from aircraft.check.bench import Bench
 from aircraft.check.plausibility import PLAUSIBILITY
@@ -61,9 +61,11 @@ def findings(files: Files, stage: Callable[[str], None]) -> Iterator[Finding]:
     if any(f.severity == "error" for f in trims):
         return
     stage("disturbing level flight")
-    yield from _stable(files)
-    stage(f"flying {_FLOWN_S:g} s")
-    yield from _flies(files)
+    bad = list(_autopilot(files))
+    yield from bad
+    if not bad:
+        stage(f"flying {_FLOWN_S:g} s")
+        yield from _flies(files)
     stage("comparing derived numbers with their sources")
     yield from _derived(files)
 
@@ -120,17 +122,22 @@ def _trims(files: Files) -> Iterator[Finding]:
             yield Finding("sign", "warning", files.model, line, message, remedy)
 
 
-# The section of the gains that closes a loop.
-_SECTIONS = {"elevator": "climb", "throttle": "speed", "aileron": "turn", "rudder": "rudder"}
+# The rule that a fault of the autopilot breaks, and how grave it is.
+_RULES = {
+    "unstable": ("stability", "error"),
+    "mis-scaled": ("scale", "error"),
+    "saturated": ("limits", "warning"),
+}
 
 
-def _stable(files: Files) -> Iterator[Finding]:
-    """Level flight under the autopilot must come back after a small disturbance, at every trim speed."""
+def _autopilot(files: Files) -> Iterator[Finding]:
+    """The autopilot must be this aircraft's, stable in level flight at every trim speed, and reach its
+    commands."""
     toml = files.folder / "airframe.toml"
-    for found in instabilities(files.airframe):
-        section = f"gains.{_SECTIONS[found.loop]}"
-        remedy = f"lower the gains of [{section}]"
-        yield Finding("stability", "error", toml.name, toml_line(toml, section), str(found), remedy)
+    for fault in faults(files.airframe):
+        rule, severity = _RULES[fault.kind]
+        line = toml_line(toml, fault.setting or "autopilot")
+        yield Finding(rule, severity, toml.name, line, fault.what, fault.remedy)
 
 
 def _flies(files: Files) -> Iterator[Finding]:

@@ -43,6 +43,7 @@ def specification(
 
     out  folder for tune.json, specification.csv and a page; None writes nothing
     """
+    from aircraft.autopilots.faults import faults, in_short
     from aircraft.autopilots.specification import evaluate
     from testbed.report import aircraft_tables as tables
 
@@ -52,8 +53,10 @@ def specification(
     missed = [r for r in rows if not r.met]
     line = f"{len(missed)} of {len(rows)} bounds missed" if missed else f"all {len(rows)} bounds met"
     data = {"airframe": airframe.name, "rows": [vars(r) | {"met": r.met} for r in rows]}
+    wrong = in_short(faults(airframe))
+    data["faults"] = wrong
     shown = tables.specification(tables.worst(rows))
-    lines = [line]
+    lines = [*wrong, line]
     if out is not None:
         import pandas as pd
 
@@ -65,7 +68,7 @@ def specification(
             pd.DataFrame(written).to_csv(folder / "specification.csv", index=False)
             write_json(folder / "tune.json", provenance_of(command, airframe) | {"rows": written})
         lines.append(f"table and page: {out}")
-    return Tuned(f"{airframe.title}: step specification", shown, lines, data, not missed)
+    return Tuned(f"{airframe.title}: step specification", shown, lines, data, not (missed or wrong))
 
 
 def sweep(
