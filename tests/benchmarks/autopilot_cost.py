@@ -5,8 +5,8 @@
 First what the airframe's own autopilot adds: the bare model has the same properties and no equations. The two
 step in turns, so that both meet the machine's quiet moments, and anew each round, for where an instance lies
 in memory can double its time; minima count. The target is at most 1.1. Then other autopilots and sensors
-against it, as the table of docs/guide/autopilots.md has them: typical sensors take at most 1.15 times as long,
-other autopilots no longer. Not part of pass or fail.
+against it, as the table of docs/guide/autopilots.md has them: typical sensors take at most 1.15 times as
+long, other autopilots no longer. Not part of pass or fail.
 """
 
 from __future__ import annotations
