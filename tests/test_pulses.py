@@ -2,12 +2,14 @@
 
 import math
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aircraft.airframes.sensors import silent
 from aircraft.autopilots import stability
 from aircraft.autopilots.stability import Instability, flown_oscillation, instabilities, unstable_modes
 from aircraft.jsbsim.errors import FdmError
@@ -81,6 +83,19 @@ def test_an_instability_says_where_which_loop_and_how():
 # -- in flight
 
 
+class Noisy:
+    """An airframe as far as it is asked: its sensors, and a copy with others."""
+
+    sensors: ClassVar = {"preset": "typical"}
+
+    def model_copy(self, update):
+        assert list(update) == ["sensors"]
+        return tuple(update["sensors"].items())
+
+
+X, QUIET = Noisy(), tuple(silent({"preset": "typical"}).items())
+
+
 class Flight:
     """Stands for `Fdm`: what is sent to each loop after each period is a formula of time."""
 
@@ -89,11 +104,11 @@ class Flight:
         self.probes = {name: 0.0 for name in loops}
         monkeypatch.setattr(stability, "Fdm", self.made)
         monkeypatch.setattr(
-            stability, "loops", lambda airframe: dict.fromkeys(loops) if airframe == "x" else {}
+            stability, "loops", lambda airframe: dict.fromkeys(loops) if airframe in (X, QUIET) else {}
         )
 
     def made(self, airframe, dt, origin):
-        assert (airframe, dt, origin) == ("x", self.dt, Origin())
+        assert (airframe, dt, origin) == (QUIET, self.dt, Origin())
         self.k, self.probed = -1, []
         return self
 
@@ -116,11 +131,11 @@ class Flight:
 
 def test_every_loop_gets_a_short_pulse_at_once(monkeypatch):
     flight = Flight(monkeypatch, {"elevator": lambda t: 0.0, "aileron": lambda t: 0.0})
-    assert flown_oscillation("x", 18.0) is None
+    assert flown_oscillation(X, 18.0) is None
     assert flight.v == 18.0 and flight.k == 4800 - 1
     assert flight.probed == [(0.02, 0.02)] * 10 + [(0.0, 0.0)] * 4790
     coarse = Flight(monkeypatch, {"elevator": lambda t: 0.0}, dt=0.02)
-    assert flown_oscillation("x", 18.0, 0.02) is None
+    assert flown_oscillation(X, 18.0, 0.02) is None
     assert coarse.probed == [(0.02,)] * 2 + [(0.0,)] * 1198
 
 
@@ -135,7 +150,7 @@ def swing(size, frequency, decay=0.0, offset=0.3, slope=0.001):
 )
 def test_what_leaves_less_than_seven_tenths_after_15_s_decays(monkeypatch, decay, found):
     Flight(monkeypatch, {"elevator": swing(0.01, 7.0, decay), "aileron": swing(0.002, 7.0, decay)})
-    known = flown_oscillation("x", 18.0)
+    known = flown_oscillation(X, 18.0)
     assert (known is not None) is found
     if found:
         assert (known.v, known.loop, known.flown) == (18.0, "elevator", True)
@@ -145,7 +160,7 @@ def test_what_leaves_less_than_seven_tenths_after_15_s_decays(monkeypatch, decay
 @pytest.mark.parametrize("frequency", [1.5, 7.0, 25.0])
 def test_the_frequency_is_that_of_the_loop_that_moves_most(monkeypatch, frequency):
     Flight(monkeypatch, {"elevator": swing(0.01, 3.0), "aileron": swing(0.02, frequency)})
-    known = flown_oscillation("x", 20.0)
+    known = flown_oscillation(X, 20.0)
     assert known.loop == "aileron" and known.frequency == pytest.approx(frequency, abs=0.15)
 
 
@@ -153,22 +168,22 @@ def test_a_small_oscillation_and_a_steady_change_are_none(monkeypatch):
     """Rms of 2e-4 of full deflection: an amplitude of 2.83e-4. A ramp is a trim that changes, not a swing."""
     for size, found in ((2.7e-4, False), (2.95e-4, True)):
         Flight(monkeypatch, {"elevator": swing(size, 7.0, slope=0.01)})
-        assert (flown_oscillation("x", 18.0) is not None) is found
+        assert (flown_oscillation(X, 18.0) is not None) is found
 
 
 def test_the_first_second_after_the_pulse_does_not_count(monkeypatch):
     """A large kick that ends there does not make what remains look small, nor a late one what went before."""
     steady = swing(0.01, 7.0)
     Flight(monkeypatch, {"elevator": lambda t: steady(t) + (5.0 * math.sin(9 * t) if t < 0.99 else 0.0)})
-    assert flown_oscillation("x", 18.0) is not None
+    assert flown_oscillation(X, 18.0) is not None
     # The early window is from 1 to 9 s, the late one the last 8 s.
     Flight(monkeypatch, {"elevator": lambda t: steady(t) if 1.1 < t < 8.9 or 9.1 < t < 15.9 else 0.0})
-    assert flown_oscillation("x", 18.0) is None
+    assert flown_oscillation(X, 18.0) is None
     Flight(
         monkeypatch,
         {"elevator": lambda t: steady(t) * (1.0 if t > 16.1 else 100.0 if 9.1 < t < 15.9 else 1.2)},
     )
-    assert flown_oscillation("x", 18.0) is not None
+    assert flown_oscillation(X, 18.0) is not None
 
 
 def test_a_motion_that_is_not_finite_is_unstable(monkeypatch):
@@ -177,7 +192,7 @@ def test_a_motion_that_is_not_finite_is_unstable(monkeypatch):
         "aileron": lambda t: math.inf if t > 2 else 0.0,
     }
     Flight(monkeypatch, flight)
-    known = flown_oscillation("x", 18.0)
+    known = flown_oscillation(X, 18.0)
     assert (known.v, known.loop, known.frequency, known.flown) == (18.0, "aileron", 0.0, True)
 
 

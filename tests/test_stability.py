@@ -7,6 +7,7 @@ import pytest
 
 from aircraft.airframe import copy, load
 from aircraft.autopilots.linear_model import linear_model
+from aircraft.autopilots.margins import margins, response
 from aircraft.autopilots.specification import margin_rows
 from aircraft.autopilots.stability import flown_oscillation, instabilities, unstable_modes
 from aircraft.check.check import check
@@ -112,3 +113,11 @@ def test_no_margin_is_quoted_where_a_pole_grows():
         rows = margin_rows(load("x8").with_gains({"turn.bank_feedback_per_s": gain}), [18.0])
         assert rows and all(math.isnan(row.value) is not quoted for row in rows)
         assert quoted or not any(row.met for row in rows)
+
+
+def test_noise_and_dead_bands_neither_look_unstable_nor_hide_an_impulse():
+    """Measured through the noise of typical sensors there would be no crossover at all."""
+    typical = load("x8@typical")
+    assert flown_oscillation(typical, 18.0) is None
+    found = margins(response(typical, 18.0, "aileron"))
+    assert found.crossover == pytest.approx(7.3, rel=0.05) and found.phase_deg == pytest.approx(53, abs=5)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
-from aircraft.airframes.sensors import sensors_of
+from aircraft.airframes.sensors import sensors_of, silent
 from aircraft.autopilots.linear_airframe import Point
 from aircraft.autopilots.linear_model import Model
 from aircraft.jsbsim.fdm import Fdm
@@ -65,8 +65,10 @@ def response(
 
     The difference of an impulse up and one down cancels what the trim leaves and the even nonlinearities.
     Where servos hear a command only every few periods, the impulse lasts as long: a shorter one could go by
-    unheard. Frequencies are then those below the servos' Nyquist frequency.
+    unheard. Frequencies are then those below the servos' Nyquist frequency. Noise of sensors and dead
+    bands of servos are left out: they hide an impulse.
     """
+    airframe = airframe.model_copy(update={"sensors": silent(airframe.sensors)})
     rate = sensors_of(airframe.sensors).servo_rate_hz
     width = max(1, round(1 / (rate * dt))) if rate else 1
     flights = [

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aircraft.airframes.schema import Airframe
+from aircraft.airframes.sensors import silent
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import Model, linear_model
 from aircraft.jsbsim.errors import FdmError
@@ -76,8 +77,10 @@ def unstable_modes(model: Model, v: float) -> list[Instability]:
 def flown_oscillation(airframe: Airframe, v: float, dt: float = 0.005) -> Instability | None:
     """Disturb level flight at v [m/s] in still air a little; what does not decay, or None.
 
+    Noise of sensors and the dead band of servos are left out: what they move never decays.
     Raises  FdmError where it cannot fly level
     """
+    airframe = airframe.model_copy(update={"sensors": silent(airframe.sensors)})
     fdm = Fdm(airframe, dt, Origin())
     fdm.start(Start(0.0, 0.0, 0.0, 0.0, v))
     names = list(loops(airframe))
