@@ -35,6 +35,13 @@ def test_unicycles_that_pass_between_steps_are_found_where_they_pass() -> None:
     found = of(arcs(HEAD_ON, FAST))
     assert found.least == pytest.approx(3.0, abs=1e-6) and found.radius == 0.0 and found.d_safe == 5.0
     assert found.vehicles == [1, 2] and (found.begin, found.end) == pytest.approx((0.3, 0.4))
+    # Between the points that are looked at first.
+    early = arcs([[-7.013, 0.0, 0.0, 0.0], *HEAD_ON[1:]], FAST)
+    assert of(early).least == pytest.approx(3.0, abs=1e-9)
+    first = arcs([[-5.002, 0.0, 0.0, 0.0], *HEAD_ON[1:]], FAST)  # at 0.30005 s, just after a decision
+    assert of(first).least == pytest.approx(3.0, abs=1e-9)
+    late = arcs([[-6.987, 0.0, 0.0, 0.0], *HEAD_ON[1:]], FAST)
+    assert of(late).least == pytest.approx(3.0, abs=1e-9)
     third = arcs([HEAD_ON[2], *HEAD_ON[:2]], FAST)
     assert of(third).vehicles == [2, 3] and of(third).least == pytest.approx(3.0, abs=1e-6)
 
@@ -60,7 +67,11 @@ def test_far_from_ds_a_bound_below_the_chords_is_enough() -> None:
     side = arcs([[0.0, 0.0, 0.0, 0.0], [0.0, 50.0, 0.0, 0.0]], [[20.0, 0.5, 0.0]] * 2)
     found = of(side)
     assert found.least == pytest.approx(50.0 - 2 * 20 * 0.5 * 0.02**2 / 8, abs=1e-12)
-    assert found.radius == 0.0
+    assert found.radius == 0.0 and (found.begin, found.end) == (0.0, 0.1)
+    # One that turns far away takes nothing from two that fly straight.
+    start = [[0.0, 0.0, 0.0, 0.0], [0.0, 50.0, 0.0, 0.0], [0.0, 150.0, 0.0, 0.0]]
+    third = arcs(start, [[20.0, 0.0, 0.0], [20.0, 0.0, 0.0], [20.0, 1.0, 0.0]])
+    assert of(third).least == pytest.approx(50.0, abs=1e-12)
     near = of(side, 60.0)
     assert near.least == pytest.approx(50.0, abs=1e-9)
 
@@ -114,6 +125,17 @@ def test_where_every_step_is_recorded_paths_bend_by_twice_the_acceleration_seen(
     assert found.begin < dt < found.end and found.end - found.begin == pytest.approx(2e-6)
 
 
+def test_the_nearest_pair_is_named_with_the_step_after_its_passing() -> None:
+    """The last two, on the fourth way; the pair that bends least is another, and so is the first."""
+    run = accelerating([0.0, 0.0, 0.0, 600.0, 600.0])
+    run.vehicles["y_m"] = np.broadcast_to(np.array([0.0, 60.0, 130.0, 300.0, 315.0]), (7, 5))
+    run.vehicles["z_m"] = np.zeros((7, 5))
+    run.vehicles["z_m"][:, 4] = 9.0 - 2.5 * np.arange(7)
+    found = of(run)
+    assert found.vehicles == [4, 5]
+    assert found.begin < 0.08 < found.end and found.least == pytest.approx(15.0 + 2 * 1200.0 * 0.02**2 / 8)
+
+
 def test_what_may_be_and_what_must_be_can_be_of_two_pairs() -> None:
     """The first pair is 20 m apart and hardly bends; the second 20.5 m, and bends by more than that."""
     run = accelerating([0.0, 0.0, 20000.0, 20000.0])
@@ -136,6 +158,8 @@ def test_kinks_at_the_ends_of_filter_periods_bend_no_path_between_steps() -> Non
     assert jumps(3, (0.02, 0.06, 0.02)).radius == 0.0
     for at in (1, 2, 4, 5):
         assert jumps(at, (0.02, 0.06, 0.02)).radius == pytest.approx(2 * 5.0 / 4), at
+    for at, radius in ((2, 0.0), (4, 0.0), (3, 2.5)):
+        assert jumps(at, (0.02, 0.04, 0.02)).radius == pytest.approx(radius), at
     assert jumps(3, EVERY).radius == pytest.approx(2 * 5.0 / 4)
 
 

@@ -165,6 +165,18 @@ def test_a_vehicle_that_cannot_change_its_speed_or_climb_strays_by_its_turns() -
     np.testing.assert_allclose(PathBounds.of(run).stray, 20.0 * 0.2 * 0.5**2 / 8, atol=1e-9)
 
 
+def test_a_vehicle_with_little_room_strays_little_and_one_beyond_its_limits_by_its_climb() -> None:
+    """Half way between 20 and 20.5 m/s it may be 0.125 m ahead a second."""
+    limits = LIMITS | {"v_min_mps": 20.0, "v_max_mps": 20.5, "omega_max_degps": 0.0}
+    run = straight([20.25], THIN, limits=limits)
+    np.testing.assert_allclose(PathBounds.of(run).stray, np.hypot(0.125, 1.5) * 0.5, atol=1e-9)
+    # Positions that were passed quicker, or slower, than any speed recorded leave no room at all.
+    for pace in (30.0, 10.0):
+        run = straight([20.25], THIN, limits=limits)
+        run.vehicles["x_m"] = pace * run.t[:, None]
+        np.testing.assert_allclose(PathBounds.of(run).stray, 1.5 * 0.5, atol=1e-9)
+
+
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**31))
 def test_a_flight_within_the_limits_stays_within_what_it_may_stray(seed: int) -> None:
@@ -249,6 +261,8 @@ def test_distances_and_ways_of_pairs_are_those_of_straight_lines() -> None:
     # to any other points
     np.testing.assert_allclose(paths.chords(np.zeros((4, 2, 3))), np.zeros((3, 2)))
     to = np.array([[[3.0, -4.0, 1.0]], [[3.0, 4.0, 1.0]], [[3.0, 4.0, 1.0]], [[9.0, 12.0, 1.0]]])
+    slow = np.array([[[-0.25, 1.0, 0.0]], [[0.25, 1.0, 0.0]]])
+    np.testing.assert_allclose(paths.chords(slow), [[1.0]])
     np.testing.assert_allclose(paths.chords(to)[:, 0], [np.hypot(3, 1), np.hypot(5, 1), np.hypot(5, 1)])
 
 
@@ -258,6 +272,7 @@ def test_a_passing_is_within_half_a_step_of_a_step() -> None:
     run.vehicles["x_m"] = run.vehicles["x_m"] - np.array([0.0, 5.0])
     paths = PathBounds.of(run)
     stray = paths.stray.sum(axis=1)
+    assert paths.passing().shape == (T - 1, 1)
     np.testing.assert_allclose(paths.passing()[:, 0], np.hypot(paths.ways()[:, 0] + stray, 0.5 * 0.02 * 4.0))
 
 

@@ -81,7 +81,7 @@ def _bends(run: Recorded, paths: PathBounds) -> Array:
     second = np.linalg.norm(np.diff(paths.track, n=2, axis=0), axis=-1)
     if periods > 1:
         second = second[np.arange(1, len(second) + 1) % periods != 0]
-    most = second.max(axis=0, initial=0.0) if len(second) else np.full(paths.track.shape[1], np.inf)
+    most = second.max(axis=0) if len(second) else np.full(paths.track.shape[1], np.inf)
     return np.asarray((most[run.i] + most[run.j]) / 4.0)
 
 
@@ -95,14 +95,15 @@ def _on_arcs(run: Recorded, chords: Array, d_safe: float) -> Passing:
     low = by_period - turning[:, i] - turning[:, j]
     # Nearest bound first; a period whose bound is no nearer than what was reached needs no look.
     least, where = np.inf, (0, 0)
-    for k, p in zip(*np.unravel_index(np.argsort(low, axis=None), low.shape), strict=True):
+    for each in np.argsort(low, axis=None):
+        k, p = divmod(int(each), i.size)
         if low[k, p] >= min(least, d_safe):
             break
-        found = _nearest(run, int(k), int(i[p]), int(j[p]), period)
+        found = _nearest(run, k, int(i[p]), int(j[p]), period)
         if found < least:
-            least, where = found, (int(k), int(p))
+            least, where = found, (k, p)
     k, p = where
-    least = min(least, float(np.where(low < d_safe, np.inf, low).min(initial=np.inf)))
+    least = min(least, float(np.where(low < d_safe, np.inf, low).min()))
     return Passing(
         least, 0.0, d_safe, [int(i[p]) + 1, int(j[p]) + 1], float(run.t[k]), float(run.t[k]) + period
     )
