@@ -163,11 +163,10 @@ def test_kinks_at_the_ends_of_filter_periods_bend_no_path_between_steps() -> Non
     assert jumps(3, EVERY).radius == pytest.approx(2 * 5.0 / 4)
 
 
-def test_two_steps_show_no_bend() -> None:
-    found = of(accelerating([1.0, 1.0], steps=2))
-    assert ((found.least, found.vehicles) == (INF, [1, 2]) and np.isinf(found.radius)) or np.isnan(
-        found.radius
-    )
+@pytest.mark.parametrize("vehicles", [2, 4])
+def test_two_steps_show_no_bend(vehicles: int) -> None:
+    found = of(accelerating([1.0] * vehicles, steps=2))
+    assert (found.least, found.radius, found.vehicles) == (INF, INF, [1, 2])
 
 
 def test_a_thin_record_gives_the_chords_and_no_radius() -> None:
