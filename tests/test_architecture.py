@@ -46,6 +46,7 @@ ORDER = {
         "encounters",
         "measures",
         "claims",
+        "requirements",
         "verification",
         "simulation",
         "gym",

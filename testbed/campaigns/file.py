@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -10,8 +12,10 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from aircraft.textfile import line_of, parse_toml, read_text
-from testbed.claims.registry import JUDGED, SEPARATION, START_SAFE
+from testbed.claims.registry import CLAIMS, JUDGED, SEPARATION, START_SAFE
 from testbed.errors import UserError, nearest, short
+from testbed.requirements.parser import LONGEST
+from testbed.requirements.requirement import Requirement
 from testbed.scenario.explain import explain
 from testbed.scenario.fields import Name, Section
 
@@ -22,13 +26,30 @@ Values = Annotated[list[Any], Field(min_length=1, max_length=10_000)]
 GUARANTEES = [claim.id for claim in JUDGED]
 
 
-def _judged(name: str) -> str:
+def _judged(name: str, requirements: Iterable[str]) -> None:
     if name not in GUARANTEES:
-        raise ValueError(f"input should be {', '.join(map(repr, GUARANTEES[:-1]))} or {GUARANTEES[-1]!r}")
+        known = [*GUARANTEES, *requirements]
+        listed = f"{', '.join(map(repr, known[:-1]))} or {known[-1]!r}"
+        raise ValueError(f"guarantee: input should be {listed}, got {short(repr(name))}")
+
+
+def _requirement(text: str) -> str:
+    try:
+        Requirement(text).unit  # noqa: B018
+    except UserError as error:
+        raise ValueError(str(error)) from None
+    return text
+
+
+def _name(name: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_-]{0,40}", name) or name in CLAIMS:
+        raise ValueError(
+            f"{short(name)!r} names a column of the table: small letters, digits, _ and -, and no claim's id"
+        )
     return name
 
 
-Guarantee = Annotated[str, AfterValidator(_judged), Field(json_schema_extra={"enum": GUARANTEES})]
+Formula = Annotated[str, Field(max_length=LONGEST), AfterValidator(_requirement)]
 Two = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -100,7 +121,14 @@ class Campaign(Section):
         default=None, description="how many; with [stop] the last look says it"
     )
     first_seed: Seed = 1
-    guarantee: Guarantee = Field(default=SEPARATION.id, description="whose violations are counted, looked at")
+    guarantee: str = Field(
+        default=SEPARATION.id,
+        description="a guarantee's or requirement's name, whose violations are counted",
+        json_schema_extra={"examples": [*GUARANTEES]},
+    )
+    requirements: dict[Annotated[str, AfterValidator(_name)], Formula] = Field(
+        default={}, description="name -> signal temporal logic over run columns; robustness is recorded"
+    )
     keep: Literal["none", "violations", "all"] = Field(default="none", description="run folders to keep")
     force: bool = Field(default=True, description=f"fly unsafe starts too; `{START_SAFE.id}` tells")
     set: dict[str, Any] = Field(default={}, description="fields of the base scenario")
@@ -115,6 +143,8 @@ class Campaign(Section):
 
     @model_validator(mode="after")
     def consistent(self) -> Campaign:
+        if self.guarantee not in self.requirements:
+            _judged(self.guarantee, self.requirements)
         if self.stop is None and self.seeds is None:
             raise ValueError("seeds: say how many")
         if self.stop is not None and self.seeds not in (None, self.stop.looks[-1]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from typing import Any
 
 from testbed.campaigns.identity import code_id
@@ -12,6 +13,7 @@ from testbed.errors import UserError, short
 from testbed.records.checksums import plain
 from testbed.records.run import Run
 from testbed.records.verdict import Status
+from testbed.requirements.requirement import Requirement, recorded_at_every_step
 from testbed.scenario.scenario import Scenario
 from testbed.simulation.simulate import run
 
@@ -31,7 +33,7 @@ def fly(job: Job) -> dict[str, Any]:
         raise UserError(f"a worker runs other code ({code_id()}) than this campaign began with ({job.code})")
     own = job.own()
     try:
-        return row(_flown(job.scenario(), job, own))
+        return _flown(job.scenario(), job, own)
     except NOT_THE_RUNS:
         raise
     except UserError as error:
@@ -47,8 +49,12 @@ def blank(status: str, reason: str) -> dict[str, Any]:
     return {"status": status, "reason": reason, "ended_early": None, "guarantees": {}}
 
 
-def row(done: Run) -> dict[str, Any]:
+def row(done: Run, requirements: Sequence[tuple[str, str]] = ()) -> dict[str, Any]:
+    """Value and verdict of every claim, and robustness and verdict of every requirement, by name."""
     found = {g.id: [_number(g.value), g["verdict"]] for g in done.guarantees}
+    for name, text in requirements:
+        judged = Requirement(text).judge(done)
+        found[name] = [judged.value, judged.status]
     return {
         "status": FLOWN,
         "reason": None,
@@ -62,16 +68,20 @@ def lost(result: dict[str, Any], guarantee: str) -> bool:
     return bool(result["guarantees"].get(guarantee, [None, ""])[1] != Status.HOLDS)
 
 
-def _flown(s: Scenario, job: Job, own: Parts | None) -> Run:
-    if job.folder is None:
+def _flown(s: Scenario, job: Job, own: Parts | None) -> dict[str, Any]:
+    if job.requirements:
+        # They are judged on the columns.
+        s = recorded_at_every_step(s)
+    elif job.folder is None:
         # Verdicts are tracked at every step whatever is recorded.
         steps = max(1, s.filter_steps)
         rates = s.rates.model_copy(update={"record_dt_s": steps * s.rates.filter_dt_s})
-        return run(s.model_copy(update={"rates": rates}), force=job.force, parts=own)
+        s = s.model_copy(update={"rates": rates})
     done = run(s, job.folder, force=job.force, overwrite=True, parts=own)
-    if job.guarantee and not lost(row(done), job.guarantee):
+    made = row(done, job.requirements)
+    if job.folder is not None and job.guarantee and not lost(made, job.guarantee):
         shutil.rmtree(job.folder)
-    return done
+    return made
 
 
 def _number(value: Any) -> float | None:

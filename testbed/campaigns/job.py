@@ -22,6 +22,7 @@ class Job:
     force      fly starts outside the safe set too
     code       `code_id` that the worker must have; "" if any will do
     folder     where the run folder goes; None keeps none. It is removed again where `guarantee` holds
+    requirements  (name, formula) each, that the run is judged by besides
     """
 
     label: str
@@ -32,6 +33,7 @@ class Job:
     code: str = ""
     folder: Path | None = None
     parts: SentParts | None = None
+    requirements: tuple[tuple[str, str], ...] = ()
 
     def own(self) -> Parts | None:
         """The user's parts in this process. Raises UserError if they are others than where the job began."""

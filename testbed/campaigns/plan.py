@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from testbed.claims.registry import SEPARATION, SEPARATION_INTRUDERS
 from testbed.components.choices import AXES, Choice, choices, everywhere
 from testbed.components.installed_parts import effective
 from testbed.errors import UserError, nearest, short
+from testbed.requirements.requirement import Requirement
 from testbed.scenario import fleet, scenario
 from testbed.scenario.location import identity, placed
 from testbed.scenario.overrides import assign
@@ -160,9 +161,11 @@ def expand(
                 where = _said(parameters | ({"seed": seed} if draws else {}), campaign.name)
                 s = variants.add(_with(data, draws, seed), where)
                 _decidable(campaign.guarantee, s, where)
+                _tellable(campaign.requirements.values(), s, where)
                 content, own = identity(s.model_dump(mode="json")), hashes.of(s)
                 flown = [o] if (o := origins(effective(s)) | given) else []
-            run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own, *flown])
+            asked = [campaign.requirements] if campaign.requirements else []
+            run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own, *flown, *asked])
             runs.append(Planned(run, number, seed, draws))
     variants.refuse(campaign.name)
     return Plan(campaign, start, code, cells, runs, hashes.known, parts or OwnParts())
@@ -190,6 +193,15 @@ def _decidable(guarantee: str, s: Scenario, where: str) -> None:
             f"{where}: guarantee {guarantee!r}: one vehicle under the filter has no pair;"
             f" say guarantee = {SEPARATION_INTRUDERS.id!r}"
         )
+
+
+def _tellable(requirements: Iterable[str], s: Scenario, where: str) -> None:
+    """UserError for a requirement that runs of a scenario cannot tell."""
+    for text in requirements:
+        try:
+            Requirement(text).check(s)
+        except UserError as error:
+            raise UserError(f"{where}: {error}") from None
 
 
 def _axes(campaign: Campaign, parted: Mapping[str, list[Choice]]) -> dict[str, dict[Any, Fields]]:

@@ -143,7 +143,8 @@ class _Jobs(Sequence[Job]):
         where = None if campaign.keep == "none" else self._out / "runs" / run.id
         unless = campaign.guarantee if campaign.keep == "violations" else ""
         text, sent = json.dumps(data), self._sent(run, data)
-        return Job(run.id, text, run.seed, unless, campaign.force, self._plan.code, where, sent)
+        asked = tuple(campaign.requirements.items())
+        return Job(run.id, text, run.seed, unless, campaign.force, self._plan.code, where, sent, asked)
 
     def _sent(self, run: Planned, data: dict[str, Any]) -> SentParts | None:
         # Of a cell all runs have the same parts, unless a draw changes a kind.
@@ -177,7 +178,9 @@ def _manifest(plan: Plan, out: Path) -> dict[str, Any]:
         "code": plan.code,
         "versions": versions(),
         "runs": len(plan.runs),
-        "campaign": plan.campaign.model_dump(mode="json"),
+        "campaign": plan.campaign.model_dump(
+            mode="json", exclude=set() if plan.campaign.requirements else {"requirements"}
+        ),
         "base": moved(plan.base.model_dump(mode="json"), out),
         "airframes": plan.airframes,
         "parts": {label: dict(of) for label, of in plan.parts.origins.items()},

@@ -26,6 +26,8 @@ from testbed.errors import UserError
 
 EXAMPLES = (
     "Examples: testbed falsify paper-20-turn --budget 200;"
+    " testbed falsify paper-2-turn --requirement 'always[0,20](distance_m > 5) and"
+    " eventually[0,20](goal_distance_m < 20)';"
     " testbed falsify paper-2-turn --plant jsbsim --set filter_dt_s=0.05 --set ds_buffer_m=2 --wind 8"
 )
 GUARANTEES = (SEPARATION.id, SEPARATION_INTRUDERS.id, SAFE_SET.id, FENCE_CLEARANCE.id)
@@ -36,7 +38,19 @@ def falsify(
     budget: Annotated[
         int, typer.Option("--budget", help="largest number of runs of the search, and of the shrinking")
     ] = 200,
-    guarantee: Annotated[str, typer.Option("--guarantee", help=" or ".join(GUARANTEES))] = SEPARATION.id,
+    guarantee: Annotated[
+        str | None,
+        typer.Option("--guarantee", help=f"{' or '.join(GUARANTEES)}; default {SEPARATION.id}"),
+    ] = None,
+    requirement: Annotated[
+        str | None,
+        typer.Option(
+            "--requirement",
+            metavar="FORMULA",
+            help="instead of a guarantee, signal temporal logic over run columns:"
+            " 'always[0,20](distance_m > 5)'",
+        ),
+    ] = None,
     lateral: Annotated[
         float | None, typer.Option("--lateral", help="largest offset of each start, m; default 10")
     ] = None,
@@ -72,6 +86,7 @@ def falsify(
 
     from testbed.campaigns.executor import executor
     from testbed.records.store import check_free
+    from testbed.requirements.requirement import Requirement, recorded_at_every_step
     from testbed.studies.falsify.falsify import falsify as search
     from testbed.studies.falsify.flights import Flights
     from testbed.studies.falsify.space import Space, bounds
@@ -83,11 +98,17 @@ def falsify(
     check_free(where, overwrite)
     if budget < 1:
         raise UserError(f"--budget {budget}: give at least 1")
+    if requirement is not None:
+        if guarantee is not None:
+            raise UserError("--requirement and --guarantee: give one of the two")
+        Requirement(requirement).check(s)
+        s = recorded_at_every_step(s)
+    guarantee = guarantee or SEPARATION.id
     if guarantee not in GUARANTEES:
         raise UserError(f"--guarantee {guarantee}: give {' or '.join(GUARANTEES)}")
     if guarantee == FENCE_CLEARANCE.id and not s.fence:
         raise UserError(f"--guarantee {guarantee}: {s.name} has no [[fence]] table")
     space = Space.of(s, bounds(s, lateral, heading, height, wind, latency))
     with nullcontext() if workers == 1 else executor(workers) as pool:
-        result = search(Flights(space, guarantee, budget, pool, parts=own), seed, thorough)
+        result = search(Flights(space, requirement or guarantee, budget, pool, parts=own), seed, thorough)
     show_study(write(result, where, overwrite, parts or []), as_json)

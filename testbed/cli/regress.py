@@ -42,6 +42,14 @@ def record(
         str | None,
         typer.Option("--rungs", help="rungs of the fidelity ladder; default unicycle,6-DOF"),
     ] = None,
+    requirement: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--requirement",
+            metavar="NAME=FORMULA",
+            help="compare the robustness of a formula over run columns too; may be repeated",
+        ),
+    ] = None,
     parts: PartsOption = None,
     baselines: BaselinesOption = None,
     workers: WorkersOption = None,
@@ -60,6 +68,7 @@ def record(
     made, path = make(
         folder(Path(), baselines), name, scenario, overrides,
         reason=reason, seeds=seeds, blocks=blocks, rungs=names, workers=workers, parts=parts_of(parts),
+        requirements=_named(requirement),
     )  # fmt: skip
     if as_json:
         said = {"baseline": str(path), "blocks": made.blocks, "seeds": made.seeds, "rungs": list(made.rungs)}
@@ -68,6 +77,25 @@ def record(
     for line in made.history[-1].get("changed", []):
         print(line)
     print(f"baseline: {path}, {made.blocks} blocks of {made.seeds} seeds on {', '.join(made.rungs)}")
+
+
+def _named(texts: list[str] | None) -> dict[str, str] | None:
+    """Name -> formula of `--requirement`; None where none is given, and those of an old baseline stay."""
+    from testbed.errors import UserError
+
+    if texts is None:
+        return None
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, formula = (part.strip() for part in text.partition("="))
+        if not equals or not name.replace("-", "_").isidentifier():
+            raise UserError(
+                f"--requirement {text}: write NAME=FORMULA, such as apart='always(distance_m > 5)'"
+            )
+        if name in found:
+            raise UserError(f"--requirement {name}: given twice")
+        found[name] = formula
+    return found
 
 
 @app.command(

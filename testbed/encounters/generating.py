@@ -18,7 +18,7 @@ V_MPS = 20.0
 _BARRIER = TurnBarrier(16.0, radians(11.7), 5.0, 0.0, 1.0, "root", 30.0)
 # Metres of h beyond which a start may be perturbed by rounding and still be safe.
 _SPARE_M = 1.0
-_TRIES = 2000
+_TRIES = 300
 
 
 @dataclass(frozen=True)

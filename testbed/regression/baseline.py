@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from aircraft.textfile import read_toml
 from testbed.errors import UserError, nearest
 from testbed.records.checksums import plain
 from testbed.regression.quantities import Quantity, quantities
+from testbed.requirements.requirement import Requirement
 from testbed.scenario.location import moved, placed
 from testbed.scenario.scenario import Scenario, builtin, parse
 from testbed.scenario.variants import load_base
@@ -38,6 +40,7 @@ class Baseline:
     runs        rung -> quantity -> (blocks * seeds,), nan where a run has no value
     history     one entry per recording, oldest first: reason, versions of what numbers depend on, airframes
                 (name -> SHA-256 of files and gains), the user's own parts, and what it changed
+    requirements  name -> formula, whose robustness is a quantity
     """
 
     name: str
@@ -50,6 +53,7 @@ class Baseline:
     tolerances: dict[str, dict[str, float]]
     runs: dict[str, dict[str, np.ndarray]]
     history: list[dict[str, Any]]
+    requirements: dict[str, str] = field(default_factory=dict)
 
     @property
     def versions(self) -> dict[str, str]:
@@ -66,7 +70,7 @@ class Baseline:
 
     @property
     def quantities(self) -> list[Quantity]:
-        return quantities(self.scenario, "filter" in self.parts)
+        return quantities(self.scenario, "filter" in self.parts, self.requirements)
 
 
 def folder(root: Path, asked: Path | None = None) -> Path:
@@ -137,6 +141,18 @@ def read(where: Path, name: str) -> Baseline:
     return found
 
 
+def checked(requirements: Mapping[str, str], s: Scenario) -> dict[str, str]:
+    """Requirements that runs of `s` can tell, by names that no other quantity has; UserError for others."""
+    taken = {q.name for q in quantities(s, own_filter=True)}
+    for name, text in requirements.items():
+        if not re.fullmatch(r"[a-z][a-z0-9_-]{0,40}", name) or name in taken:
+            raise UserError(
+                f"requirement {name!r}: name it by small letters, digits, _ and -, as no other quantity is"
+            )
+        Requirement(text).check(s)
+    return dict(requirements)
+
+
 def _again(name: str) -> str:
     return f'if intended: testbed regress record {name} --reason "..."'
 
@@ -154,7 +170,8 @@ def parse_file(path: Path) -> Baseline:
         s = parse(placed(data["scenario"]["flown"], path.parent), str(path), keep_idle=True)
         seeds, blocks = data["seeds"]["in_a_block"], data["seeds"]["blocks"]
         own_filter = "filter" in data["history"][-1].get("parts", {})
-        names, rungs = [q.name for q in quantities(s, own_filter)], data["rungs"]
+        asked = checked(data.get("requirements", {}), s)
+        names, rungs = [q.name for q in quantities(s, own_filter, asked)], data["rungs"]
         table = {rung: data["quantities"][rung] for rung in rungs}
         if any(list(of) != names for of in table.values()):
             raise ValueError("its quantities are not those this program compares")
@@ -169,7 +186,7 @@ def parse_file(path: Path) -> Baseline:
         }
         return Baseline(
             path.stem, data["scenario"]["source"], data["scenario"]["set"], s, rungs, seeds, blocks,
-            tolerances, runs, data["history"],
+            tolerances, runs, data["history"], asked,
         )  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UserError(f"{path} is damaged ({type(error).__name__}: {error}); {_again(path.stem)}") from None
@@ -185,6 +202,7 @@ def write(where: Path, b: Baseline) -> Path:
             "set": b.overrides,
             "flown": moved(b.scenario.model_dump(mode="json"), where),
         },
+        **({"requirements": b.requirements} if b.requirements else {}),
         "rungs": b.rungs,
         "seeds": {"in_a_block": b.seeds, "blocks": b.blocks},
         "quantities": {rung: {q.name: _entry(b, rung, q) for q in b.quantities} for rung in b.rungs},

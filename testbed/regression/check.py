@@ -86,7 +86,7 @@ def check(
     refuse_stale(s)
     own = own_parts(s, parts)
     check_given(name, b.parts, own)
-    now = fly_rungs(s, b.rungs, range(first + 1, first + b.seeds + 1), workers, parts)
+    now = fly_rungs(s, b.rungs, range(first + 1, first + b.seeds + 1), workers, parts, b.requirements)
     paired = block <= b.blocks
     recorded: Runs = b.runs
     if paired:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from testbed.components.components import Parts
 from testbed.measures import hdot_ledger
 from testbed.records.run import Run
 from testbed.records.verdict import Status
+from testbed.requirements.requirement import Requirement
 from testbed.scenario import fleet
 from testbed.scenario.scenario import Scenario, parse
 from testbed.simulation.simulate import run
@@ -68,10 +70,14 @@ _END = "flown to the end"
 DIGITS = 6
 
 
-def quantities(s: Scenario, own_filter: bool = False) -> list[Quantity]:
+def quantities(
+    s: Scenario, own_filter: bool = False, requirements: Mapping[str, str] | None = None
+) -> list[Quantity]:
     """All that is remembered of a run of `s`, in the order it is shown.
 
-    own_filter  whether the filter is a user's own: then what it promises by its declaration is remembered too
+    own_filter    whether the filter is a user's own: then what it promises by its declaration is remembered
+                  too
+    requirements  name -> formula: their robustness is remembered, and whether it was lost
     """
     h = "m" if s.barrier.form == "root" else "m^2"
     values = _values(s, own_filter)
@@ -81,15 +87,26 @@ def quantities(s: Scenario, own_filter: bool = False) -> list[Quantity]:
     ]
     found += [Quantity(f"{n} tracking", unit, +1, 0.01) for n, (*_, unit) in _TRACKING.items()]
     found += [Quantity(_ledger_name(part, q), f"{h}/s", -1, 0.01) for part, q in _LEDGER]
-    found += [Quantity(f"{claim.id} lost", "", +1, 0.0, verdict=True) for claim in _judged(s, own_filter)]
+    asked = requirements or {}
+    found += [Quantity(name, Requirement(text).unit, -1, 0.01) for name, text in asked.items()]
+    judged = [*(claim.id for claim in _judged(s, own_filter)), *asked]
+    found += [Quantity(f"{name} lost", "", +1, 0.0, verdict=True) for name in judged]
     return [*found, Quantity(f"not {_END}", "", +1, 0.0, verdict=True)]
 
 
-def job(s: Scenario, label: str, fields: Fields, seed: int, parts: Parts | None = None) -> Job:
+def job(
+    s: Scenario,
+    label: str,
+    fields: Fields,
+    seed: int,
+    parts: Parts | None = None,
+    requirements: Mapping[str, str] | None = None,
+) -> Job:
     """A run of `s` with `fields` set, recorded at every filter step: tracking and ledger need all of them."""
     data = json.loads(override(s, fields))
     data["rates"]["record_dt_s"] = data["rates"]["filter_dt_s"]
-    return job_of(label, json.dumps(data, sort_keys=True), seed, parts)
+    made = job_of(label, json.dumps(data, sort_keys=True), seed, parts)
+    return replace(made, requirements=tuple((requirements or {}).items()))
 
 
 def fly(job: Job) -> dict[str, float | None]:
@@ -98,7 +115,7 @@ def fly(job: Job) -> dict[str, float | None]:
     parts = job.own()
     own = parts is not None and "filter" in parts.own()
     done = run(s, force=True, parts=parts)
-    names = [q.name for q in quantities(s, own)]
+    names = [q.name for q in quantities(s, own, dict(job.requirements))]
     if done.manifest["ended_early"]:
         return {n: 1.0 if n.endswith(" lost") or n == f"not {_END}" else None for n in names}
     verdicts = {v.id: v for v in done.guarantees}
@@ -112,6 +129,9 @@ def fly(job: Job) -> dict[str, float | None]:
         row[f"{claim.id} lost"] = (
             None if status is Status.NOT_APPLICABLE else float(status is not Status.HOLDS)
         )
+    for name, text in job.requirements:
+        judged = Requirement(text).judge(done)
+        row[name], row[f"{name} lost"] = judged.value, float(judged.status is not Status.HOLDS)
     row[f"not {_END}"] = 0.0
     return {n: _rounded(row[n]) for n in names}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,16 @@ from testbed.components import catalogue
 from testbed.components.components import Parts
 from testbed.components.versions import versions
 from testbed.errors import UserError, nearest
-from testbed.regression.baseline import Baseline, differences, parse_file, place, relative, scenario_of, write
+from testbed.regression.baseline import (
+    Baseline,
+    checked,
+    differences,
+    parse_file,
+    place,
+    relative,
+    scenario_of,
+    write,
+)
 from testbed.regression.judging import findings
 from testbed.regression.own_parts import changed_parts, check_given, own_parts
 from testbed.regression.quantities import fly, job, quantities
@@ -57,16 +66,20 @@ def fly_rungs(
     seeds: Iterable[int],
     workers: int | None = None,
     parts: Parts | None = None,
+    requirements: Mapping[str, str] | None = None,
 ) -> Runs:
     """Rung -> quantity -> (n,) over `seeds`, nan where a run has no value.
 
-    parts  of the user's own, in every run
+    parts         of the user's own, in every run
+    requirements  name -> formula
     """
     chosen, own_filter = list(seeds), "filter" in own_parts(s, parts)
-    jobs = [job(s, rung, fields, seed, parts) for rung, fields in rungs.items() for seed in chosen]
+    jobs = [
+        job(s, rung, fields, seed, parts, requirements) for rung, fields in rungs.items() for seed in chosen
+    ]
     rows = fly_all(fly, jobs, workers, said=_said)
     found: Runs = {}
-    names = [q.name for q in quantities(s, own_filter)]
+    names = [q.name for q in quantities(s, own_filter, requirements)]
     for k, rung in enumerate(rungs):
         of = rows[k * len(chosen) : (k + 1) * len(chosen)]
         found[rung] = {name: np.array([r[name] for r in of], dtype=float) for name in names}
@@ -90,10 +103,12 @@ def record(
     rungs: list[str] | None = None,
     workers: int | None = None,
     parts: Parts | None = None,
+    requirements: Mapping[str, str] | None = None,
 ) -> tuple[Baseline, Path]:
     """Fly and write baseline `name` in folder `where`; what is not given is as the old one has it.
 
     parts    of the user's own, in every run: a baseline that was recorded with some needs them again
+    requirements  name -> formula, whose robustness becomes a quantity
     reason   why it may change: needed where it exists, kept in its history with what it changed
     Raises   UserError for an unknown scenario or rung, too few seeds, an existing baseline without a reason
     """
@@ -113,7 +128,8 @@ def record(
         rungs = list(old.rungs) if old else [UNICYCLE, AIRCRAFT]
     chosen = rung_fields(s, rungs)
     own = own_parts(s, parts)
-    remembered = quantities(s, "filter" in own)
+    asked = checked(requirements if requirements is not None else old.requirements if old else {}, s)
+    remembered = quantities(s, "filter" in own, asked)
     needed = seeds_needed(len(chosen) * len(remembered))
     n = seeds if seeds is not None else old.seeds if old else max(DEFAULT_SEEDS, needed)
     m = blocks if blocks is not None else old.blocks if old else DEFAULT_BLOCKS
@@ -127,7 +143,7 @@ def record(
     check_random(s, "a baseline", n * m, one_will_do=False)
     if old is not None:
         check_given(name, old.parts, own)
-    runs = fly_rungs(s, chosen, range(1, n * m + 1), workers, parts)
+    runs = fly_rungs(s, chosen, range(1, n * m + 1), workers, parts, asked)
     tolerances = {
         rung: {q.name: tolerance(q, of[q.name], n) for q in remembered} for rung, of in runs.items()
     }
@@ -140,7 +156,7 @@ def record(
     if own:
         said["parts"] = own
     history = [*(old.history if old else []), said]
-    made = Baseline(name, kept, overrides, s, chosen, n, m, tolerances, runs, history)
+    made = Baseline(name, kept, overrides, s, chosen, n, m, tolerances, runs, history, asked)
     if old is not None:
         said["changed"] = _changed(old, made)
     return made, write(where, made)

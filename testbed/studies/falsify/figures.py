@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -72,9 +73,12 @@ def margins(result: Falsified, unit: str, folder: Path) -> list[Path]:
         return save(figure, folder, "margin")
 
 
-def counterexample(run: Run, guarantee: str, folder: Path) -> list[Path]:
-    """Paths with the worst pair drawn out, and that pair's distance and h over time."""
-    scenario, entry = run.manifest["scenario"], run.guarantee(guarantee)
+def counterexample(run: Run, entry: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Paths with the worst pair drawn out, and that pair's distance and h over time.
+
+    entry  the verdict on the guarantee or requirement
+    """
+    scenario = run.manifest["scenario"]
     worst = entry["vehicles"]
     with drawing() as pyplot:
         figure, axes = pyplot.subplot_mosaic("pd;ph", figsize=(PAGE, 3.8), layout="constrained")

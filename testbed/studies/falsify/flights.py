@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import nan
@@ -13,7 +14,9 @@ from filters.model import Array
 from testbed.campaigns.display import say
 from testbed.campaigns.inprocess import InProcess
 from testbed.campaigns.job import Job
+from testbed.claims.registry import CLAIMS
 from testbed.components.components import Parts
+from testbed.scenario.variants import changed
 from testbed.studies.common.measure import job_of, override
 from testbed.studies.falsify.space import Space
 
@@ -48,24 +51,28 @@ class Flight:
 
 
 def fly(job: Job) -> dict[str, Any]:
-    """Fly a scenario; what `Flight` has of it. A start that is refused says why."""
+    """Fly a scenario; what `Flight` has of it. A start that is refused says why.
+
+    The job's guarantee is a claim's id, or the text of a requirement.
+    """
     from testbed.errors import UserError
     from testbed.records.verdict import Status
+    from testbed.requirements.requirement import entry as judged
     from testbed.simulation.simulate import run
 
     result = {"margin": nan, "value": nan, "violated": False, "refused": "", "vehicles": (), "t_s": nan}
     try:
-        entry = run(job.scenario(), parts=job.own()).guarantee(job.guarantee)
+        entry = judged(run(job.scenario(), parts=job.own()), job.guarantee)
     except UserError as error:
         return result | {"refused": str(error)}
-    if entry["margin"] is None:  # not applicable
+    if entry["margin"] is None:  # not applicable, or not decided
         return result
     return result | {
         "margin": entry["margin"],
         "value": entry["value"],
         "violated": entry["verdict"] == Status.VIOLATED,
         "vehicles": tuple(entry["vehicles"]),
-        "t_s": entry["t_s"],
+        "t_s": nan if entry["t_s"] is None else entry["t_s"],
     }
 
 
@@ -110,7 +117,7 @@ class Flights:
 
     def _fly(self, stage: str, points: Sequence[Array]) -> list[Flight]:
         seed = self.space.scenario.seed
-        data = [override(self.space.at(x), {}) for x in points]
+        data = [self._data(x) for x in points]
         jobs = [job_of(stage, of, seed, self.parts, self.guarantee) for of in data]
         pool = InProcess() if self.pool is None or len(jobs) < 2 else self.pool
         outcomes = sorted(pool.imap(self.work, jobs), key=lambda o: o.index)
@@ -120,6 +127,14 @@ class Flights:
             Flight(number + k, stage, np.array(x), **result)
             for k, (x, result) in enumerate(zip(points, results, strict=True))
         ]
+
+    def _data(self, x: Array) -> str:
+        s = self.space.at(x)
+        if self.guarantee in CLAIMS:
+            return override(s, {})
+        # A requirement is judged on the columns, as the scenario records them.
+        made = changed(s, {"checks.manoeuvre_instants": 0})
+        return json.dumps(made.model_dump(mode="json"), sort_keys=True)
 
     def _line(self, flight: Flight) -> str:
         said = f"refused, {flight.refused}" if flight.refused else f"margin {flight.margin:.3f}"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
+from math import isnan
 from pathlib import Path
 from typing import Any
 
 from testbed.records.run import Run
 from testbed.records.store import staged, write_json
+from testbed.requirements.requirement import entry as judged
 from testbed.scenario.location import moved, placed
 from testbed.scenario.scenario import Scenario, load, parse
 from testbed.simulation.simulate import run as fly
@@ -34,7 +36,7 @@ def write(result: Falsified, out: Path, overwrite: bool, parts: Sequence[str] = 
     with staged(out, overwrite) as folder:
         (folder / FILE).write_text(text(s, heading(result, shown, out, parts), folder), encoding="utf-8")
         again = fly(load(folder / FILE), parts=result.search.parts)
-        entry = again.guarantee(result.guarantee)
+        entry = judged(again, result.guarantee)
         if entry["value"] != shown.value:
             raise RuntimeError(f"flown again, {result.guarantee} is {entry['value']!r}, not {shown.value!r}")
         data = account(result, shown, out, parts) | {"margin_unit": entry["unit"]}
@@ -43,7 +45,7 @@ def write(result: Falsified, out: Path, overwrite: bool, parts: Sequence[str] = 
         rows = [{"part": stage} | _flight(f) for stage, flights in stages for f in flights.flown]
         pd.DataFrame(rows).to_csv(folder / "flights.csv", index=False)
         figures.margins(result, entry["unit"], folder)
-        figures.counterexample(again, result.guarantee, folder)
+        figures.counterexample(again, entry, folder)
         write_json(folder / "falsify.json", data | {"scenario": s.model_dump(mode="json")})
     rows = [_printed(row) for row in result.space.values(shown.x) if shown.violated or _close(row, shown)]
     return Found(out, _title(result, shown, again), rows, sentences(data), data)
@@ -113,7 +115,8 @@ def sentences(data: dict[str, Any]) -> list[str]:
     unit = f" {data['margin_unit']}" if data.get("margin_unit") else ""
     lines = [f"as it stands: margin {data['nominal']['margin']:.3f}{unit}"]
     result = data["result"]
-    at = f"at {result['t_s']:.3f} s, vehicles {_names(result)}"
+    when = "" if isnan(result["t_s"]) else f"at {result['t_s']:.3f} s, "
+    at = f"{when}vehicles {_names(result)}" if result["vehicles"] else when.rstrip(", ")
     if data["violated"] and not data["departures"]:
         lines = [f"violated as it stands, nothing was searched: margin {result['margin']:.3g}{unit} {at}"]
     elif data["violated"]:
@@ -152,7 +155,7 @@ def _flight(flight: Flight) -> dict[str, Any]:
 
 
 def _title(result: Falsified, shown: Flight, run: Run) -> str:
-    unit = run.guarantee(result.guarantee)["unit"]
+    unit = judged(run, result.guarantee)["unit"]
     what = "smallest departures found that violate" if shown.violated else "departures of the least margin"
     s = result.space.scenario
     return f"{titled(s, result.search.parts)}: {what} {result.guarantee} ({shown.value:.4g} {unit})"
