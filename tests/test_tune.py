@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ from aircraft.autopilots import gains
 from aircraft.autopilots.freshness import stale_lags
 from aircraft.autopilots.specification import Row, evaluate
 from testbed.errors import UserError
-from testbed.studies.tuning import lags, optimisation, tuning
+from testbed.studies.tuning import lags, stages, tuning
 from testbed.studies.tuning.optimisation import Search, cost, search
 from testbed.studies.tuning.tuning import Sweep
 
@@ -97,6 +99,12 @@ def test_a_bad_gains_file_is_one_line_and_exit_code_2(
         (["tune", "x8", "--sweep", "turn.damping=1:2:2", "--optimise"], "one at a time"),
         (["tune", "x8", "--optimise", "--vary", "turn.sharpness"], "turn.sharpness"),
         (["tune", "x8", "--sweep", "turn.damping=1:2:2", "--scenario", "paper-2-tun"], "paper-2-turn"),
+        (["tune", "x8@px4", "--sweep", "turn.damping=1:2:2"], "px4 does not read the gain turn.damping"),
+        (["tune", "x8@px4", "--sweep", "FW_R_TV=0.3:0.5:2"], "has no gain FW_R_TV; there are FW_R_TC"),
+        (
+            ["tune", "x8@px4", "--optimise", "--vary", "speed.window"],
+            "px4 does not read the gain speed.window",
+        ),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_code_2(
@@ -224,7 +232,7 @@ def test_optimise_writes_gains_that_can_be_given_back(
     call: Callable[..., int],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setitem(optimisation.CHANNELS, "turn", (("damping", "bandwidth"), ("turn",)))
+    monkeypatch.setitem(stages.CHANNELS, "turn", (("damping", "bandwidth"), ("turn",)))
     out = tmp_path / "o"
     options = ["--gains", detuned, "--optimise", "--vary", "turn.damping", "--vary", "turn.bandwidth"]
     limits = ["--starts", 1, "--workers", 1, "--evaluations", 40, "--seed", 3]
@@ -315,3 +323,108 @@ def test_a_model_that_cannot_be_flown_is_one_line_and_exit_code_2(
     assert call(*command, mine) == 2
     (said,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
     assert re.search(cause, said) and f"see: testbed aircraft check {mine}" in said
+
+
+# -- autopilots that people fly
+
+
+def test_what_is_varied_are_the_parameters_that_the_autopilot_reads(tmp_path: Path) -> None:
+    for name in ("x8", "x8@arduplane", "x8@px4"):
+        airframe = load(name)
+        varied = [gain for gains_, _ in stages.stages(airframe, []) for gain in gains_]
+        assert len(varied) >= 8 and len(set(varied)) == len(varied)
+        assert all(airframe.gain(gain) > 0 for gain in varied)
+        assert all((gain in airframe.parameters) == ("@" in name) for gain in varied)
+    (_, groups), *more = stages.stages(load("x8@px4"), ["FW_R_TC"])
+    assert not more and set(groups) == {"turn", "all", "margins"}
+    wing = copy("x8", tmp_path / "wing")
+    (wing / "pid.eq").write_text((Path(__file__).parents[1] / "docs/guide/examples/pid.eq").read_text())
+    own = load(f"{wing}@pid.eq")
+    with pytest.raises(UserError, match=r"may change in pid.eq with --vary NAME; it has BANK_MAX, ROLL_P"):
+        stages.stages(own, [])
+    assert stages.stages(own, ["ROLL_P"])[0][0] == ("ROLL_P",)
+
+
+def fake_parameters(point: tuning.Point) -> dict[str, Any]:
+    return {**dict(point.gains), "missed": 1, "omega_t63_s": 0.5, "v_t63_s": 2.0, "zeta_t63_s": 3.0}
+
+
+def test_parameters_are_swept_on_a_grid_and_shown_on_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tuning, "measure", fake_parameters)
+    airframe, out = load("x8@arduplane"), tmp_path / "s"
+    swept = [Sweep.parse(t, airframe) for t in ("RLL2SRV_TCONST=0.3:0.8:3", "RLL_RATE_P=0.01:0.05:2")]
+    found = tuning.sweep(airframe, "x8@arduplane", swept, None, out, command="testbed tune", workers=1)
+    assert [row["RLL2SRV_TCONST"] for row in found.data["rows"]] == [0.3, 0.3, 0.55, 0.55, 0.8, 0.8]
+    assert found.rows[0].keys() >= {"RLL2SRV_TCONST", "RLL_RATE_P", "v_t63_s"}
+    assert "at RLL2SRV_TCONST 0.3, RLL_RATE_P 0.01" in (out / "report.html").read_text("utf-8")
+    assert load(out / "gains" / "002.toml").parameters["RLL_RATE_P"] == 0.05
+
+
+def test_a_killed_optimisation_ends_as_one_that_was_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Killed for good after some scores, begun again: the same gains, and no score twice."""
+    scored: list[int] = []
+    most = 10**6
+
+    def fake(airframe: Airframe, groups: object) -> list[Row]:
+        scored.append(1)
+        if len(scored) > most:
+            os.kill(os.getpid(), signal.SIGKILL)
+        off = abs(airframe.gain("turn.damping") - 1.31) + abs(airframe.gain("turn.bandwidth_radps") - 7.0)
+        return [Row("turn", "a", "t63_s", 1.0 + off, 1.01)]
+
+    def go(memory: str) -> dict[str, Any]:
+        scored.clear()
+        stage = (("turn.damping", "turn.bandwidth_radps"), ("turn",))
+        return search(Search("x8", (), (stage,), 1, 40, tmp_path / memory))
+
+    monkeypatch.setattr("aircraft.autopilots.specification.evaluate", fake)
+    found, whole = go("whole.jsonl"), len(scored)
+    most = 11
+    child = os.fork()
+    if child == 0:
+        try:
+            go("cut.jsonl")
+        finally:
+            os._exit(1)
+    assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
+    assert len((tmp_path / "cut.jsonl").read_text().splitlines()) == 11
+    most = 10**6
+    assert go("cut.jsonl") == found and len(scored) == whole - 11
+    assert "goes on: 11 scores found" in capsys.readouterr().err
+
+
+def test_before_and_after_stand_beside_each_other() -> None:
+    from testbed.studies.tuning.optimisation import before_and_after
+
+    def rows(t63: float, at: float) -> list[Row]:
+        phases = {v: 50.0 + abs(v - at) for v in (15, 25)}
+        margins = [
+            Row("margins", f"aileron at {v} m/s", "phase_deg", p, 45.0, False) for v, p in phases.items()
+        ]
+        return [Row("turn", "omega 0 to 11 deg/s at 16 m/s", "t63_s", t63, 0.34), *margins]
+
+    step, margin = before_and_after(rows(0.5, 15), rows(0.3, 25))
+    assert (step["value"], step["before"], step["met"]) == ("0.3 s", "before 0.5 s", "yes")
+    # the least of the loop, at whichever speed
+    assert margin["step"] == "aileron at 25 m/s"
+    assert (margin["value"], margin["before"]) == ("50 deg", "before 50 deg")
+
+
+def test_parameters_of_a_gains_file_are_flown_whatever_the_airframe_says_of_its_autopilot(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "quick.toml"
+    gains.write(file, "x8@arduplane", {"RLL_RATE_P": 0.05}, {})
+    quick, own = load(file), load("x8@arduplane")
+    assert quick.parameters == own.parameters | {"RLL_RATE_P": 0.05} != own.parameters
+    assert quick.name == "x8@arduplane+quick" and quick.autopilot == "arduplane"
+    # lags of the base are not those of other parameters
+    assert quick.identified is None and own.identified is not None
+    late = load(f"{file}@typical")
+    assert late.parameters == quick.parameters and late.fit == "arduplane@typical" and late.identified is None
+    other = load(f"{file}@px4")
+    assert other.autopilot == "px4" and other.parameters.keys() == load("x8@px4").parameters.keys()

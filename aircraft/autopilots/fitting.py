@@ -24,6 +24,8 @@ def fitted_with(airframe: Airframe, asked: Sequence[str]) -> Airframe:
     others = [a for a in asked if a not in PRESETS]
     if len(others) > 1 or len(presets) > 1:
         raise ValueError(f"{airframe.name}@{'@'.join(asked)}: name one autopilot and one set of sensors")
+    if airframe.gains_file is not None and not asked:
+        return airframe  # its base is fitted already, and the file's parameters are on top
     changes: dict[str, Any] = {"variant": ""}
     if others and others[0] != airframe.autopilot:
         changes |= {"autopilot": others[0], "parameters": {}, "step_factor": 1.0, "identified": None}
@@ -31,9 +33,14 @@ def fitted_with(airframe: Airframe, asked: Sequence[str]) -> Airframe:
     if presets and PRESETS[presets[0]] != sensors_of(airframe.sensors):
         changes |= {"sensors": {"preset": presets[0]}, "identified": None}
         changes["variant"] += f"@{presets[0]}"
-    found = airframe.model_copy(update=changes) if changes["variant"] else airframe
-    if found.variant:
-        found = found.model_copy(update=_said(found))
+    if airframe.gains_file is not None and "autopilot" not in changes:
+        # Other sensors only: parameters stay the file's, lags under these sensors are not known.
+        changes["variant"] = airframe.variant + changes["variant"]
+        found = airframe.model_copy(update=changes)
+    else:
+        found = airframe.model_copy(update=changes) if changes["variant"] else airframe
+        if found.variant:
+            found = found.model_copy(update=_said(found))
     if found.autopilot == INVERTING and flies_its_files(found):
         return found
     known = equations_of(found).parameters

@@ -128,7 +128,8 @@ def on_top_of(base: Airframe, file: GainsFile) -> Airframe:
     if faults := gain_faults(after):
         raise ValueError(f"{file.path}: gains.{faults[0]}")
     lags = file.identified
-    if lags is None and after.gains == base.gains:  # those of the base are of other gains
+    same = after.gains == base.gains and after.parameters == base.parameters
+    if lags is None and same:  # else those of the base are of other gains
         lags = base.identified
     return after.model_copy(update={"identified": lags, "gains_file": file.path})
 
@@ -157,7 +158,8 @@ def resolve(airframe: Airframe, name: str) -> str:
 
     Raises  ValueError naming the gains it could be
     """
-    known = airframe.gain_names()
+    read = needed_gains(airframe)
+    known = [k for k in airframe.gain_names() if k in airframe.parameters or k.replace(".", "_", 1) in read]
     if name in known:
         return name
     # turn.damping is that gain even where turn.damping_limit exists; a unit may always be left out
@@ -165,6 +167,12 @@ def resolve(airframe: Airframe, name: str) -> str:
     exact = [k for k in found if re.fullmatch(re.escape(name) + _UNIT, k)]
     if len(found) == 1 or len(exact) == 1:
         return (exact or found)[0]
+    unread = [k for k in airframe.gain_names() if k not in known and name and k.startswith(name)]
+    if unread and not found:
+        raise ValueError(
+            f"{airframe.autopilot} does not read the gain {unread[0]} of another autopilot;"
+            f" what it reads: testbed aircraft autopilot {airframe.argument} --parameters"
+        )
     near = found or difflib.get_close_matches(name, known, 3)
     sections = f"SECTION.NAME of airframe.toml, of the sections {', '.join(airframe.gains)}"
     raise ValueError(f"{airframe.name} has no gain {name}; there are {', '.join(near) or sections}")

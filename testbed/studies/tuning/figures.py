@@ -23,6 +23,7 @@ LABELS = {
     "omega_t63_s": "t63 of omega [s]",
     "omega_overshoot": "overshoot of omega",
     "v_settling_s": "5 % settling of v [s]",
+    "v_t63_s": "t63 of v [s]",
     "zeta_t63_s": "t63 of zeta [s]",
     "phase_margin_deg": "least phase margin [deg]",
     "disk_margin": "least disk margin",
@@ -60,5 +61,5 @@ def _lines(axes: Axes, table: pd.DataFrame, sweeps: Sequence[Sweep], name: str) 
     first, *others = (s.gain for s in sweeps)
     groups = table.groupby(others) if others else [((), table)]
     for k, (values, rows) in enumerate(groups):
-        said = ", ".join(f"{g.split('.')[1]} {v:.3g}" for g, v in zip(others, values, strict=True))
+        said = ", ".join(f"{g.split('.')[-1]} {v:.3g}" for g, v in zip(others, values, strict=True))
         axes.plot(rows[first], rows[name], marker="o", markersize=2.5, label=said or None, **nth(k))

@@ -24,18 +24,13 @@ from testbed.records.store import check_free, write_json
 from testbed.report.page import reported
 from testbed.studies.tuning import lags, page
 from testbed.studies.tuning.provenance import changed_gains, fingerprint, provenance_of
+from testbed.studies.tuning.stages import stages
 from testbed.studies.tuning.tuning import Tuned
 
 if TYPE_CHECKING:
     from aircraft.airframes.schema import Airframe
     from aircraft.autopilots.specification import Row
 
-# What is varied unless --vary says otherwise: gains of each channel, and the rows they move.
-CHANNELS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "climb": (("bandwidth", "model_lag", "feedback_", "filter_radps"), ("climb", "margins")),
-    "speed": (("bandwidth", "feedback_", "model_lag"), ("speed", "margins")),
-    "turn": (("bandwidth", "damping", "model_lag", "feedback", "bank_feedback"), ("turn", "all", "margins")),
-}
 # The search asks a little more than the specification, so that what it finds is not on the edge of it.
 RESERVE = 0.03
 _SPREAD = 0.15  # of a simplex, in the logarithm of the gains
@@ -52,24 +47,6 @@ class Search:
     seed: int
     evaluations: int
     memory: Path
-
-
-def stages(airframe: Airframe, vary: Sequence[str]) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
-    """(gains, groups of rows) of each stage of a search: one a channel, or one of all the gains in `vary`."""
-    from aircraft.autopilots.gains import resolve
-
-    try:
-        if vary:
-            gains = tuple(resolve(airframe, name) for name in vary)
-            touched = {g.split(".")[0] for g in gains} & set(CHANNELS)
-            groups = {row for channel in touched or CHANNELS for row in CHANNELS[channel][1]}
-            return ((gains, tuple(sorted(groups))),)
-        return tuple(
-            (tuple(resolve(airframe, f"{channel}.{name}") for name in names), groups)
-            for channel, (names, groups) in CHANNELS.items()
-        )
-    except ValueError as error:
-        raise UserError(f"--vary: {error}") from None
 
 
 def cost(rows: Sequence[Row]) -> float:
@@ -93,6 +70,9 @@ def search(job: Search) -> dict[str, Any]:
 
     base = load(job.airframe).with_gains(dict(job.base))
     book = Journal(job.memory)
+    if book.found:
+        said = f"start {job.seed} goes on: {len(book.found)} scores found in {job.memory}"
+        print(said, file=sys.stderr, flush=True)
     best, spent = dict(job.base), 0
     rng = np.random.default_rng(job.seed)
 
@@ -131,7 +111,7 @@ def _simplex(
     """The best of `gains` found, and evaluations used; stops as soon as nothing is missed."""
     from scipy.optimize import minimize
 
-    now = {g: best.get(g, base.gains[g.split(".")[0]][g.split(".")[1]]) for g in gains}
+    now = {g: best.get(g, base.gain(g)) for g in gains}
     if any(value <= 0 for value in now.values()):
         bad = next(g for g, value in now.items() if value <= 0)
         raise UserError(f"--vary {bad}: its value {now[bad]:g} is not positive, and the search is by factors")
@@ -184,11 +164,11 @@ def optimise(
     """
     import pandas as pd
 
+    from aircraft.airframe import load
     from aircraft.autopilots.gains import write as write_gains
     from aircraft.autopilots.specification import evaluate
     from aircraft.jsbsim.errors import FdmError
     from testbed.components.versions import versions
-    from testbed.report import aircraft_tables as tables
 
     check_free(out, overwrite)
     if starts < 1 or evaluations < 1:
@@ -222,6 +202,7 @@ def optimise(
             for b, a in zip(before, after, strict=True)
         ]
         pd.DataFrame(rows).to_csv(folder / "specification.csv", index=False)
+        said += _overlaid(airframe, load(file), folder, command)
         data = provenance_of(command, airframe) | {"searches": found, "rows": rows}
         write_json(folder / "tune.json", data | {"lags": slower, "lags_said": said})
     for kept in memory:
@@ -230,7 +211,39 @@ def optimise(
     lines = [f"{g} = {v:.6g}" for g, v in best["gains"].items()]
     lines += [f"bounds missed: {sum(not r.met for r in before)} before, {missed} after"]
     lines += [*said, f"gains file, with the lags identified anew: {out / 'gains.toml'}"]
-    shown = tables.specification(tables.worst(after))
+    shown = before_and_after(before, after)
     return Tuned(
         f"{airframe.title}: optimised", shown, lines, {"best": best, "rows": rows, "lags": slower}, not missed
     )
+
+
+def before_and_after(before: Sequence[Row], after: Sequence[Row]) -> list[dict[str, Any]]:
+    """The specification with the value before beside it; of the margins the least of each loop and kind."""
+    from testbed.report import aircraft_tables as tables
+
+    def key(row: dict[str, Any]) -> tuple[str, str]:
+        margin = row["quantity"].endswith(" margin")
+        return row["step"].split(" at ")[0] if margin else row["step"], row["quantity"]
+
+    old, new = (tables.specification(tables.worst(list(rows))) for rows in (before, after))
+    known = {key(row): row["value"] for row in old}
+    first = ("step", "quantity", "value")
+    return [
+        {k: row[k] for k in first}
+        | {"before": f"before {known[key(row)]}"}
+        | {k: row[k] for k in ("target", "met")}
+        for row in new
+    ]
+
+
+def _overlaid(before: Airframe, after: Airframe, folder: Path, command: str) -> list[str]:
+    """Figures of the loops and steps before and after, in the folder; what to say if they cannot be drawn."""
+    from aircraft.datasheets.overlay import compare
+    from aircraft.jsbsim.errors import FdmError
+    from testbed.report.overlay_page import write_into
+
+    try:
+        write_into(compare([before, after], progress=say), folder, command)
+    except FdmError as error:
+        return [f"no figures of before and after: {error}"]
+    return []

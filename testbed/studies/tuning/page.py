@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from testbed.report import settings
+from testbed.report import overlay_page, settings
 from testbed.report.blocks import (
     KEPT,
     LOST,
@@ -34,10 +34,12 @@ def part(folder: Path, title: str) -> Part:
     blocks: list[Block] = []
     if (folder / "sweep.csv").is_file():
         text, status = f"{len(rows)} sets of gains flown", OPEN
+        # Gains are SECTION.NAME, parameters of an autopilot begin with a capital; scores are neither.
+        varied = {name for row in rows for name in row if "." in name or name[:1].isupper()}
         # Gains with which the airframe could not fly have no count.
         scored = [r for r in rows if finite(r.get("missed")) == finite(r.get("missed"))]
         fewest: dict[str, Any] = min(scored, key=lambda r: finite(r["missed"]), default={})
-        where = ", ".join(f"{name} {value:.4g}" for name, value in fewest.items() if "." in name)
+        where = ", ".join(f"{name} {value:.4g}" for name, value in fewest.items() if name in varied)
         details = (
             [f"The fewest bounds of the step specification are missed at {where}: {fewest['missed']:.0f}."]
             if fewest
@@ -66,6 +68,7 @@ def part(folder: Path, title: str) -> Part:
     blocks.append(
         Table(rows, "A row per set of gains" if "met" not in rows[0] else "The specification", bad, sheet)
     )
+    blocks += overlay_page.blocks(folder)
     if data.get("lags"):
         blocks.append(Table(data["lags"], "Lags identified on step responses [s], before and after"))
     gains = folder / "gains.toml"

@@ -109,6 +109,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "omega_overshoot_combined": worst("all", "omega_overshoot"),
         "altitude_change_m": worst("turn", "altitude_change_m"),
         "v_settling_s": worst("speed", "settling_s"),
+        "v_t63_s": worst("speed", "t63_s"),
         "v_overshoot": worst("speed", "overshoot"),
         "zeta_t63_s": worst("climb", "t63_s"),
         "zeta_overshoot": worst("climb", "overshoot"),

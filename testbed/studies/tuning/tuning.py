@@ -86,6 +86,7 @@ def sweep(
 
     source  the airframe's name or folder
     """
+    from aircraft.airframes.schema import INVERTING
     from aircraft.autopilots.gains import gain_faults
     from aircraft.autopilots.gains import write as write_gains
 
@@ -124,7 +125,9 @@ def sweep(
             provenance_of(command, airframe) | {"rows": records, "files": ["sweep.csv", *files]},
         )
     keep = [s.gain for s in sweeps] + ["missed", "omega_t63_s", "omega_overshoot", "phase_margin_deg"]
-    keep += ["min_distance_m", "min_h_m"] if scenario is not None else ["v_settling_s", "zeta_t63_s"]
+    # The inverting autopilot is judged by when the speed has settled, the others by 63 %.
+    speed = "v_settling_s" if airframe.autopilot == INVERTING else "v_t63_s"
+    keep += ["min_distance_m", "min_h_m"] if scenario is not None else [speed, "zeta_t63_s"]
     shown = [{k.split(".")[-1] if "." in k else k: row.get(k) for k in keep} for row in records]
     title = f"{airframe.title}: " + ", ".join(s.gain for s in sweeps)
     title += f" in {scenario.name}" if scenario is not None else ""
