@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import re
+import json
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -46,13 +46,20 @@ def text_of(airframe: Airframe) -> str:
 
 
 def sha256_of(airframe: Airframe) -> str:
-    """SHA-256 of the equations, for fingerprints: without what the text says of gains.
+    """SHA-256 of the equations, for fingerprints: without what the text says of gains, which flies nothing.
 
-    The inverting autopilot's long lines count as unbroken: lags were identified when they were.
+    Of the inverting autopilot, which has equations for adopted aircraft too, it is of those that the airframe
+    has, however they are laid out.
     """
     text = without_gains(text_of(airframe))
     if airframe.autopilot == INVERTING:
-        text = re.sub(r"(?<=[-+*/,])\n +", " ", text)
+        mine = equations_of(airframe).of(airframe.gain_values())
+        channels = [
+            [c.name, c.condition, c.every, c.rate_hz, [[e.name, e.formula, e.output] for e in c.equations]]
+            for c in mine.channels
+        ]
+        inputs = [[name, value] for name, (value, _) in mine.inputs.items()]
+        text = json.dumps([mine.uses, inputs, channels])
     return hashlib.sha256(text.encode()).hexdigest()
 
 
