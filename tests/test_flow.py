@@ -23,6 +23,7 @@ from filters.model import Command, Limits, State, View, step
 from testbed.scenario.scenario import Scenario, load
 from testbed.verification.check import check
 from tests.flow_states import DT, GAMMA, HIGH, LAGS, LOW, drawn, flow_of, one_period_on
+from tests.forgery import copied, differing, edit_entry, read, seal, write
 
 
 def test_a_channel_is_integrated_in_closed_form() -> None:
@@ -270,6 +271,8 @@ def test_whom_it_does_not_know_it_does_not_avoid() -> None:
         ({"kappa": float("nan")}, "kappa is a share in"),
         ({"margin": -1.0}, "margin must be finite and not negative"),
         ({"margin": float("nan")}, "margin must be finite and not negative"),
+        ({"trust": 1.1}, "trust is a share in"),
+        ({"trust": float("nan")}, "trust is a share in"),
         ({"cost": "cheap"}, "cost is 'range' or 'raw'"),
         ({"gamma": Command.of([[16.0, 0.2, 0.0], [16.0, 0.1, 0.0]])}, "one turn rate for all"),
         ({"gamma": Command.of([[16.0, 0.0, 0.0], [16.0, 0.0, 0.0]])}, "not zero"),
@@ -306,6 +309,13 @@ def encounter(**fields: object) -> Scenario:
     return load("paper-2-turn", [f"{k}={json.dumps(v)}" for k, v in said.items()])
 
 
+@pytest.fixture(scope="module")
+def encounter_flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("flow") / "run"
+    testbed.run(encounter(duration_s=2), out=folder)
+    return folder
+
+
 def test_a_scenario_flies_it_and_its_own_claims_are_judged(tmp_path: Path) -> None:
     run = testbed.run(encounter(), out=tmp_path / "run")
     verdicts = {v.id: v for v in run.guarantees}
@@ -320,14 +330,40 @@ def test_a_scenario_flies_it_and_its_own_claims_are_judged(tmp_path: Path) -> No
     assert all(f.agrees is not False for f in found.findings), [
         f for f in found.findings if f.agrees is False
     ]
+    own = {f.what: f for f in found.findings}
+    for what, name in (("F1 monitor-flow_clear", "flow_clear"), ("F2 monitor-flow_step", "flow_step")):
+        assert own[what].agrees is True
+        assert float(own[what].own) == pytest.approx(verdicts[f"monitor-{name}"].value, abs=2e-3)
 
 
-def test_forged_words_of_its_claims_are_named(tmp_path: Path) -> None:
-    from tests.forgery import edit_entry
+@pytest.mark.parametrize(
+    "name, change",
+    [
+        ("monitor-flow_clear", {"verdict": "violated"}),
+        ("monitor-flow_clear", {"value": 4.0, "margin": 4.0}),
+        ("monitor-flow_clear", {"value": None, "margin": None, "bound": None, "verdict": "not applicable"}),
+        ("monitor-flow_clear", {"t_s": 0.5}),
+        ("monitor-flow_step", {"value": 0.3, "margin": 0.302}),
+        ("monitor-flow_step", {"bound": -1.0, "margin": 1.1}),
+    ],
+)
+def test_a_forged_claim_is_found(
+    encounter_flown: Path, tmp_path: Path, name: str, change: dict[str, object]
+) -> None:
+    folder = copied(encounter_flown, tmp_path / "run")
+    edit_entry(folder, name, **change)
+    seal(folder)
+    assert name in differing(folder)
 
-    testbed.run(encounter(duration_s=1), out=tmp_path / "run")
-    edit_entry(tmp_path / "run", "monitor-flow_clear", verdict="violated")
-    assert any(f.agrees is False for f in check(tmp_path / "run").findings)
+
+def test_a_forged_margin_is_found(encounter_flown: Path, tmp_path: Path) -> None:
+    """A run that says it kept 2 m more, or believed the rates measured, is told by its commands."""
+    folder = copied(encounter_flown, tmp_path / "run")
+    manifest = read(folder, "manifest.json")
+    manifest["scenario"]["filter"]["margin_m"] = 2.0
+    write(folder, "manifest.json", manifest)
+    seal(folder)
+    assert "monitor-flow_clear" in differing(folder)
 
 
 @pytest.mark.parametrize(
@@ -335,6 +371,7 @@ def test_forged_words_of_its_claims_are_named(tmp_path: Path) -> None:
     [
         ({"filter.kappa": 0.0}, "filter.kappa"),
         ({"filter.margin_m": -1.0}, "filter.margin_m"),
+        ({"filter.trust": -0.1}, "filter.trust"),
         ({"filter.monitor": True}, "filter.monitor"),
         ({"remedy.ds_buffer_m": 1.0}, "remedy.ds_buffer_m: filter 'flow' cannot take it"),
     ],

@@ -49,6 +49,8 @@ class FlowFilter:
     dt       s, the filter's period, for which a command is held
     margin   m, m
     kappa    share of the clearance that one period may use up, in (0, 1]
+    trust    share of the difference between measured and modelled rates that is believed in a period, in
+             [0, 1]; what gusts do to a course rate is gone before a channel would have let it go
     cost     "range" divides each channel by its range, "raw" leaves them as they stand
     Raises   ValueError for numbers out of these ranges
 
@@ -66,18 +68,22 @@ class FlowFilter:
         margin: float = 0.0,
         kappa: float = 0.1,
         cost: Literal["range", "raw"] = "range",
+        trust: float = 0.1,
     ) -> None:
         if not 0 < kappa <= 1:
             raise ValueError(f"kappa is a share in (0, 1], got {kappa}")
         if not (np.isfinite(margin) and margin >= 0):
             raise ValueError(f"the margin must be finite and not negative, got {margin} m")
+        if not 0 <= trust <= 1:
+            raise ValueError(f"trust is a share in [0, 1], got {trust}")
         if cost not in ("range", "raw"):
             raise ValueError(f"cost is 'range' or 'raw', not {cost!r}")
         self.flow = flow = Flow(Channels.of(lags, len(gamma)), gamma.array(), dt)
         # How far gamma turns in a period, which is also how far apart the phases looked at are.
         self._turn = float(flow.gamma[0, 1]) * dt
         self.phases = Phases(abs(self._turn))
-        self.level, self.kappa, self.cost = d_safe + margin, kappa, cost
+        self.level, self.kappa, self.cost, self.trust = d_safe + margin, kappa, cost, trust
+        self._modelled: Array | None = None
         self.record = MonitorRecord(checks=flow_checks())
         self.endings = np.zeros(len(Ending), dtype=int)
         self._pairs = np.triu_indices(len(gamma), 1)
@@ -107,7 +113,10 @@ class FlowFilter:
             raise ValueError("the flow needs finite poses and rates")
         while len(self._queued) < max(flow.depth, 1):
             self._queued.append(rates)  # before the start all flew as they fly now
-        begun = flow.begin(state, rates, np.stack(self._queued), flow.times(rates))
+        if self._modelled is not None:
+            rates = self._modelled + self.trust * (rates - self._modelled)
+        queued = np.stack(self._queued)
+        begun = flow.begin(state, rates, queued, flow.times(rates))
         gamma = np.minimum(np.maximum(flow.gamma, lower), upper)
         wanted = Wanted(target, lower, upper, gamma, self._scale(lower, upper))
         covered = flow.covered(begun, np.stack([gamma, lower, upper, wanted.clipped]))
@@ -127,6 +136,7 @@ class FlowFilter:
         clear[found.i, found.j] = found.least - self.level
         self._clear = clear
         self._note(clear, ending)
+        self._modelled = flow.after(rates, np.concatenate([u[None], queued]))
         self._queued.appendleft(u.copy())
         short = np.fmax(-np.fmin(np.fmin.reduce(clear, axis=0), np.fmin.reduce(clear, axis=1)), 0.0)
         outside = np.nan_to_num(short) > 0

@@ -106,6 +106,21 @@ class Flow:
         covered = np.concatenate([covered, np.repeat(covered[..., -1:], times.size - early.size, -1)], -1)
         return Begun(state, y, covered, times, self.channels, self.gamma)
 
+    def after(self, rates: Array, queued: Array) -> Array:
+        """The rates (N, 3) one period after `rates`, with the commands (K, N, 3) given, the latest first.
+
+        K is the depth and one more, or the longest that there is.
+        """
+        delay = self.channels.delay
+        back = np.floor(delay / self.dt + 1e-9).astype(int)
+        until = np.maximum(delay - back * self.dt, 0.0)
+
+        def heard(k: Indices) -> Array:
+            return np.asarray(np.take_along_axis(queued, np.minimum(k, len(queued) - 1)[None], axis=0)[0])
+
+        changing = self.channels.towards(rates, heard(back + 1)).value(until)
+        return self.channels.towards(changing, heard(back)).value(self.dt - until)
+
     def times(self, rates: Array) -> Array:
         """Instants dt, 2 dt, ... [s] until all channels have settled on gamma, whatever is on its way.
 

@@ -128,7 +128,7 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
         raise UserError("filter.kind: 'flow' needs one evading manoeuvre, and this barrier has none for all")
     try:
         return FlowFilter(
-            lags(s), gamma, s.d_safe_m, s.rates.filter_dt_s, said.margin_m, said.kappa, said.cost
+            lags(s), gamma, s.d_safe_m, s.rates.filter_dt_s, said.margin_m, said.kappa, said.cost, said.trust
         )
     except ValueError as error:
         raise UserError(f"filter: {error}") from None

@@ -51,6 +51,10 @@ class Flow(Section):
     kappa: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.1, description="share of the clearance on the flow that one filter period may use up"
     )
+    trust: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.1,
+        description="share of the difference between measured and modelled rates believed in a period",
+    )
     cost: Literal["range", "raw"] = Field(
         default="range", description="range divides what each channel is changed by through its range"
     )

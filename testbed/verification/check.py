@@ -20,6 +20,7 @@ from testbed.verification.coverage import Uncovered, uncovered
 from testbed.verification.fence_claims import Fenced, without_fences
 from testbed.verification.filter_claims import filtering
 from testbed.verification.finding import Finding, Judge
+from testbed.verification.flow_claims import flow_claims
 from testbed.verification.future import Pose, fly_on
 from testbed.verification.manoeuvre_claim import manoeuvre_keeps
 from testbed.verification.monitor_claims import monitored
@@ -96,6 +97,7 @@ def _findings(run: Recorded) -> Iterator[Finding]:
         judged.append(manoeuvre_keeps(pairs and pairs.among("ours"), Judge(some, g9)))
     yield from sorted(judged, key=_place)
     yield from monitored(rows)
+    yield from flow_claims(rows)
 
 
 def _place(finding: Finding) -> int:

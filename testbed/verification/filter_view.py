@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import tomllib
+from math import radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,8 +44,10 @@ def filter_view(run: Recorded) -> Pose | str:
             return "the filter saw poses of instants that are not recorded"
         pose, rates = _late(pose, rates, late, s["rates"]["filter_dt_s"])
     if remedy["predict_lags"]:
-        lags = _lags(s)
-        return "the lags predicted are not to be found" if lags is None else _settled(s, pose, rates, lags)
+        known = lags(s)
+        if known is None:
+            return "the lags predicted are not to be found"
+        return _settled(s, pose, rates, known[..., :2])
     return arc(pose, rates, remedy["prediction_s"]) if remedy["prediction_s"] else pose
 
 
@@ -65,15 +69,14 @@ def _late(pose: Pose, rates: Array, age: float, dt: float) -> tuple[Pose, Array]
     return Pose(position, theta), known
 
 
-def _lags(s: Scenario) -> Array | None:
-    """(N, 3, 2) s: time constant and delay of v, omega, zeta of each vehicle."""
+def lags(s: Scenario) -> Array | None:
+    """(N, 3, 4) of v, omega, zeta: time constant and delay [s], largest fall and rise, unit per second.
+
+    None if an airframe's are not to be found.
+    """
     if s["lags"]["source"] == "table" and s["plant"] != "jsbsim":
-        table, one = s["lags"], []
-        for name, absent in TABLE.items():
-            constant = table[f"{name}_time_constant_s"]
-            one.append((absent if constant is None else constant, table[f"{name}_delay_s"]))
-        every = np.tile(np.array(one, dtype=float), (s["vehicles"], 1, 1))
-        every[~fleet.under(s)] = 0.0
+        every = np.tile(_of_table(s["lags"]), (s["vehicles"], 1, 1))
+        every[~fleet.under(s), :, :2] = 0.0
         return every
     known = {}
     for name in fleet.airframes(s):
@@ -89,12 +92,34 @@ def _lags(s: Scenario) -> Array | None:
         file = f"autopilots/{other}.toml" if other else "airframe.toml"
         try:
             said = tomllib.loads((folder / file).read_text(encoding="utf-8-sig"))["identified"]
-            known[name] = [(said[c]["time_constant_s"], said[c]["delay_s"]) for c in TABLE]
+            known[name] = [_of_channel(said[c], s["lags"]["limits"]) for c in TABLE]
         except (OSError, ValueError, KeyError, TypeError):
             return None
     found = np.array([known[name] for name in fleet.airframes(s)])
-    found[~fleet.under(s)] = 0.0  # intruders are not about to fly gamma
+    found[~fleet.under(s), :, :2] = 0.0  # intruders are not about to fly gamma
     return found
+
+
+def _of_table(table: dict[str, Any]) -> Array:
+    """(3, 4) as the scenario's table says."""
+    named = {
+        "v": ("v_fall_max_mps2", "v_rise_max_mps2"),
+        "omega": ("omega_change_max_degps2",) * 2,
+        "zeta": ("zeta_change_max_mps2",) * 2,
+    }
+    found = []
+    for name, absent in TABLE.items():
+        constant, unit = table[f"{name}_time_constant_s"], radians(1.0) if name == "omega" else 1.0
+        most = [np.inf if table[x] is None or not table["limits"] else unit * table[x] for x in named[name]]
+        found.append((absent if constant is None else constant, table[f"{name}_delay_s"], *most))
+    return np.array(found, dtype=float)
+
+
+def _of_channel(said: dict[str, float], limits: bool) -> tuple[float, float, float, float]:
+    """As an airframe's file says of one channel."""
+    rise = said["rate_max"] if limits and "rate_max" in said else np.inf
+    fall = -said["rate_min"] if limits and "rate_min" in said else rise
+    return said["time_constant_s"], said["delay_s"], fall, rise
 
 
 def _settled(s: Scenario, pose: Pose, rates: Array, lags: Array) -> Pose:

@@ -19,7 +19,6 @@ from testbed.verification.settings import alpha, filters_own, steepness
 BOUNDS = {
     "limited_is_safe": -1e-6, "gamma_is_safe": -1e-6, "gamma_is_safe_limited": -1e-6, "solvable": 1.0,
     "solvable_limited": 1.0, "aligned": 1e-12, "aligned_limited": 1e-12, "gradient": 1e-12, "cheaper": -1e-6,
-    "flow_clear": 0.0, "flow_step": -2e-3,
 }  # fmt: skip
 PREMISES = ("aligned", "aligned_limited", "gradient")
 UNSOLVED = "the solutions of the other QP are not recorded"
@@ -31,11 +30,12 @@ def monitored(rows: Rows) -> Iterator[Finding]:
         id = check_id(name)
         if id in rows.run.guarantees:
             judge = Judge(rows.run, rows.run.guarantees[id])
-            _follows(judge, name, bound)
+            follows(judge, bound, name in PREMISES)
             yield _look(rows, judge, name)
 
 
-def _follows(judge: Judge, name: str, bound: float) -> None:
+def follows(judge: Judge, bound: float, premise: bool = False) -> None:
+    """The entry's bound, margin and verdict follow from its value."""
     e = judge.entry
     if e["value"] is None:
         judge.expect("verdict", e["verdict"], Status.NOT_APPLICABLE)
@@ -43,15 +43,13 @@ def _follows(judge: Judge, name: str, bound: float) -> None:
     judge.expect("bound", e["bound"], bound)
     judge.expect("margin", e["margin"], float(e["value"] - bound))
     good = e["value"] >= bound
-    fails = Status.PREMISE_NOT_MET if name in PREMISES else Status.VIOLATED
+    fails = Status.PREMISE_NOT_MET if premise else Status.VIOLATED
     holds = Status.PREMISE_NOT_MET if judge.run.ended else Status.HOLDS
     judge.expect("verdict", e["verdict"], holds if good else fails)
 
 
 def _look(rows: Rows, judge: Judge, name: str) -> Finding:
     own = rows.own
-    if name.startswith("flow"):
-        return judge.done("unknown", None, True, "the flow of the model is not computed again")
     if own is None or not rows.run.complete:
         return judge.done("unknown", None, True, "the rows behind it cannot be told from the record")
     value, off, who, counts, doubtful = _values(rows, name)

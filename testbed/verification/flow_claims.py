@@ -1,0 +1,205 @@
+"""Checks the flow filter's claims F1 and F2: flies the lagging vehicles on in steps of 5 ms.
+
+Every channel is stepped by the law of a first-order lag after a delay with a bounded rate, each step split
+where a new command is heard; positions are summed over the steps. Once all channels have settled, what is
+left is two circles flown in step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from testbed.verification.filter_view import lags
+from testbed.verification.finding import Finding, Judge, Values
+from testbed.verification.future import manoeuvre
+from testbed.verification.monitor_claims import follows
+from testbed.verification.recorded import Array, Recorded
+from testbed.verification.rows import Rows
+
+CLEAR, STEP = "monitor-flow_clear", "monitor-flow_step"
+BOUNDS = {CLEAR: 0.0, STEP: -2e-3}
+
+STEP_S = 0.005
+# Time constants after which nothing is left of a lag.
+TAIL = 14.0
+# What steps of 5 ms may have done to a distance along the flow [m].
+OFF_M = 0.02
+MOST = 60_000  # vehicles times instants flown on at once
+
+
+@dataclass(frozen=True)
+class Lagging:
+    """Channels (N, 3): time constants and delays [s], and largest falls and rises, both positive."""
+
+    constant: Array
+    delay: Array
+    fall: Array
+    rise: Array
+
+    @classmethod
+    def of(cls, known: Array) -> Lagging:
+        """From (N, 3, 4), see `filter_view.lags`."""
+        constant, delay, fall, rise = np.moveaxis(known, -1, 0)
+        return cls(np.maximum(constant, 1e-9), delay, np.minimum(fall, 1e9), np.minimum(rise, 1e9))
+
+    def stepped(self, y: Array, told: Array, long: Array | float) -> Array:
+        """The channels (..., N, 3) after `long` [s] under commands `told`."""
+        free = (told - y) * -np.expm1(-long / self.constant)
+        return y + np.clip(free, -self.fall * long, self.rise * long)
+
+
+def flow_claims(rows: Rows) -> Iterator[Finding]:
+    """The findings of F1 and F2."""
+    run = rows.run
+    names = [id for id in BOUNDS if id in run.guarantees]
+    if not names:
+        return
+    why = _unknown(rows)
+    known = lags(run.scenario)
+    if not why and known is None:
+        why = "the lags of the model are not to be found"
+    least = None if why or known is None else _clearances(run, Lagging.of(known))
+    for id in names:
+        judge = Judge(run, run.guarantees[id])
+        follows(judge, BOUNDS[id])
+        if least is None:
+            yield judge.done("unknown", None, True, why)
+        else:
+            yield _judged(run, judge, least)
+
+
+def _unknown(rows: Rows) -> str:
+    """Why the clearances cannot be told from the record; empty if they can."""
+    run, s = rows.run, rows.s
+    if run.ended:
+        return "the run ended early"
+    if not run.complete:
+        return "not every step of the filter is recorded"
+    if isinstance(rows.seen, str):
+        return rows.seen
+    if rows.seen.position is not run.position:
+        return "the filter saw other poses than those recorded"
+    if run.left_s is not None or s["sensing"].get("range_m") is not None:
+        return "not every pair was looked at in every step"
+    if s["network"]["latency_s"] or s["network"]["loss"]:
+        return "each vehicle saw late poses of the others"
+    return ""
+
+
+def _judged(run: Recorded, judge: Judge, least: Array) -> Finding:
+    """Against the least clearances (T, P) m."""
+    who = [[int(a) + 1, int(b) + 1] for a, b in zip(run.i, run.j, strict=True)]
+    counts, doubtful = np.ones(least.shape, dtype=bool), np.zeros(least.shape, dtype=bool)
+    value, off = least, OFF_M
+    if judge.entry["id"] == STEP:
+        before = np.vstack([np.full(least[:1].shape, -np.inf), least[:-1]])
+        counts, doubtful = before >= 0, np.abs(before) < OFF_M
+        value, off = least - (1 - run.scenario["filter"]["kappa"]) * np.where(counts, before, 0.0), 2 * OFF_M
+    seen = Values.of(run.t, value, off, who, counts, doubtful)
+    low, high = seen.range()
+    said = judge.entry["value"]
+    if said is None:
+        if high < np.inf:
+            judge.wrong.append(f"no value, should be {high:.6g}")
+    elif not low <= said <= high:
+        judge.wrong.append(f"value is {said:.6g}, should be {low:.6g} to {high:.6g}")
+    else:
+        here = seen.at(judge.entry["t_s"], judge.entry["vehicles"])
+        if here is None or abs(here[0] - said) > here[1]:
+            judge.wrong.append(f"not the value at {judge.entry['t_s']:g} s of {judge.entry['vehicles']}")
+    return judge.done(f"{seen.least():.6g}" if high < np.inf else "never met", OFF_M)
+
+
+def _clearances(run: Recorded, lagging: Lagging) -> Array:
+    """The least clearance (T, P) m of every pair along the flow of gamma from every recorded instant."""
+    s, dt = run.scenario, run.scenario["rates"]["filter_dt_s"]
+    depth = int(np.ceil(lagging.delay.max() / dt + 1e-9)) + 1
+    # Before the start all were told what they flew then.
+    told = np.concatenate([np.repeat(run.rates[:1], depth, axis=0), run.command])
+    rates = _believed(run.rates, told, lagging, dt, s["filter"]["trust"])
+    level = s["d_safe_m"] + margin(run)
+    every = max(1, MOST // s["vehicles"])
+    parts = []
+    for k in range(0, len(run.t), every):
+        here = slice(k, k + every)
+        # What has been told by then: depth commands, the latest last; this step's own is still to come.
+        late = np.stack([told[k + m : k + m + every][: len(run.t[here])] for m in range(depth)])
+        parts.append(_flown_on(run, here, rates[here], late, lagging, dt))
+    return np.concatenate(parts) - level
+
+
+def margin(run: Recorded) -> float:
+    """m [m]: the scenario's, or what the run says that it was identified as."""
+    said = run.scenario["filter"]["margin_m"]
+    return float(run.manifest["flow"]["margin_m"] if isinstance(said, str) else said)
+
+
+def _believed(seen: Array, told: Array, lagging: Lagging, dt: float, trust: float) -> Array:
+    """The rates (T, N, 3) that the filter starts from: the model's, drawn a share towards those seen."""
+    depth, found = len(told) - len(seen), seen.copy()
+    for k in range(1, len(seen)):
+        # From instant k - 1 to k, with what had been told up to k - 1.
+        late = told[k : k + depth][:, None]
+        modelled, _ = _period(found[k - 1][None], late, lagging, dt, 0)
+        found[k] = modelled[0] + trust * (seen[k] - modelled[0])
+    return found
+
+
+def _period(y: Array, told: Array, lagging: Lagging, dt: float, ahead: int) -> tuple[Array, Array]:
+    """Channels (..., N, 3) one period later, and their values (K + 1, ..., N, 3) in steps of it.
+
+    told   (D, ..., N, 3), one command a period, the last begins with the period numbered 0
+    ahead  the number of this period
+    """
+    steps = max(2, round(dt / STEP_S))
+    long, values = dt / steps, [y]
+    for m in range(steps):
+        # In periods from the one numbered 0, when what is heard was said.
+        begin = (ahead * dt + m * long - lagging.delay) / dt
+        old = np.floor(begin + 1e-9)
+        rest = np.clip((old + 1 - begin) * dt, 0.0, long)  # until the next one is heard
+        first, then = (_said(told, old + shift) for shift in (0, 1))
+        y = lagging.stepped(lagging.stepped(y, first, rest), then, long - rest)
+        values.append(y)
+    return y, np.stack(values)
+
+
+def _said(told: Array, period: Array) -> Array:
+    """What channels were told in a period (N, 3) counted from the last one's; the last goes on for ever."""
+    at = np.clip(period.astype(int) + len(told) - 1, 0, len(told) - 1)
+    found = np.empty(told.shape[1:])
+    for v, c in np.ndindex(at.shape):
+        found[..., v, c] = told[at[v, c], ..., v, c]
+    return found
+
+
+def _flown_on(run: Recorded, here: slice, rates: Array, late: Array, lagging: Lagging, dt: float) -> Array:
+    """Least distances (S, P) m from the instants `here` on."""
+    gamma = manoeuvre(run.scenario)
+    told = np.concatenate([late, np.broadcast_to(gamma, (1, *late.shape[1:]))])
+    place = run.position[here][..., 0] + 1j * run.position[here][..., 1]
+    height, theta = run.position[here][..., 2].copy(), run.vehicles["theta_rad"][here].copy()
+    y, i, j = rates, run.i, run.j
+    least = np.full((len(place), i.size), np.inf)
+    gap = np.abs(rates - gamma).max(axis=0, initial=0.0)
+    slowest = np.minimum(lagging.fall, lagging.rise)
+    settled = 2 * lagging.delay + dt + 2 * gap / slowest + TAIL * lagging.constant
+    for ahead in range(int(np.ceil(settled.max() / dt)) + 1):
+        y, values = _period(y, told, lagging, dt, ahead)
+        long = dt / (len(values) - 1)
+        for a, b in pairwise(values):
+            mean = 0.5 * (a + b)
+            turned = theta + 0.5 * mean[..., 1] * long
+            place = place + mean[..., 0] * long * np.exp(1j * turned)
+            theta, height = theta + mean[..., 1] * long, height + mean[..., 2] * long
+        apart = np.abs(place[:, i] - place[:, j]) ** 2 + (height[:, i] - height[:, j]) ** 2
+        least = np.minimum(least, apart)
+    arm = -1j * gamma[:, 0] / gamma[:, 1] * np.exp(1j * theta)
+    centre = place - arm
+    level = np.abs(np.abs(centre[:, i] - centre[:, j]) - np.abs(arm[:, i] - arm[:, j]))
+    least = np.minimum(least, level**2 + (height[:, i] - height[:, j]) ** 2)
+    return np.asarray(np.sqrt(least))
