@@ -95,6 +95,7 @@ class MonitorRecord:
     steps         filter steps so far
     checks        name -> Check
     cost, cost_limited  sums of |u - u_hat|^2 of the two QPs over the `compared` steps where both were solved
+    numbers       what the run's manifest says of the filter, by name with the unit; empty says nothing
     """
 
     steps: int = 0
@@ -102,6 +103,7 @@ class MonitorRecord:
     cost: float = 0.0
     cost_limited: float = 0.0
     checks: dict[str, Check] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
 
     @property
     def compares(self) -> bool:

@@ -23,7 +23,7 @@ from filters.model import Command, Limits, State, View, step
 from testbed.scenario.scenario import Scenario, load
 from testbed.verification.check import check
 from tests.flow_states import DT, GAMMA, HIGH, LAGS, LOW, drawn, flow_of, one_period_on
-from tests.forgery import copied, differing, edit_entry, read, seal, write
+from tests.forgery import copied, differing, edit_entry, edit_manifest, read, seal, write
 
 
 def test_a_channel_is_integrated_in_closed_form() -> None:
@@ -385,3 +385,31 @@ def test_a_barrier_without_a_circle_is_refused() -> None:
     straight = load("paper-2-straight", ['filter.kind="flow"', 'plant="lagged"'])
     with pytest.raises(testbed.UserError, match="one turn rate for all, not zero"):
         testbed.run(straight)
+
+
+def test_the_margin_is_identified_on_flights_of_the_airframe(tmp_path: Path) -> None:
+    """Of the lagged plant it is what is missed between samples alone; of an X8 in JSBSim about a metre."""
+    on_its_model = testbed.run(encounter(duration_s=0.1, **{"filter.margin_m": "identified"}))
+    said = on_its_model.manifest["flow"]
+    assert said["one_step_m"] == 0 and 0.1 < said["margin_m"] == said["between_samples_m"] < 0.2
+    fields = {"filter.margin_m": "identified", "plant": "jsbsim"}
+    run = testbed.run(encounter(duration_s=1, **fields), out=tmp_path / "run")
+    said = run.manifest["flow"]
+    assert 0.01 < said["one_step_m"] < 0.3 and said["accumulated_m"] < said["one_step_m"] / 0.1
+    assert said["margin_m"] == pytest.approx(said["one_step_m"] / 0.1 + said["between_samples_m"])
+    # gamma's 16 m/s less 12.5 m/s and 1 m/s, in calm air
+    assert run.guarantee("monitor-flow_wind")["value"] == pytest.approx(2.5)
+    edit_manifest(tmp_path / "run", flow=said | {"margin_m": said["margin_m"] - 0.9})
+    seal(tmp_path / "run")
+    assert "monitor-flow_clear" in differing(tmp_path / "run")
+
+
+def test_a_wind_in_which_gamma_is_not_flyable_is_said(tmp_path: Path) -> None:
+    said = {"plant": "jsbsim", "wind.speed_mps": 5.0, "duration_s": 0.1}
+    run = testbed.run(encounter(**said), out=tmp_path / "run")
+    judged = run.guarantee("monitor-flow_wind")
+    assert judged["verdict"] == "premise not met" and judged["value"] == pytest.approx(-2.5)
+    assert "monitor-flow_wind" not in differing(tmp_path / "run")
+    edit_entry(tmp_path / "run", "monitor-flow_wind", value=1.0, margin=1.0, verdict="holds")
+    seal(tmp_path / "run")
+    assert "monitor-flow_wind" in differing(tmp_path / "run")

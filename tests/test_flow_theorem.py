@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from filters.flow.flow_filter import FlowFilter
-from filters.flow.margin import between_samples
+from filters.flow.margin import ErrorSum, between_samples
 from filters.flow.phases import Phases
 from filters.flow.rollout import Begun, Flow, Paths, furthest
 from filters.flow.separation import Kept, Rows, rows, samples
@@ -158,3 +158,21 @@ def test_from_outside_the_clearance_comes_back_by_kappa_a_period(seed: int) -> N
         short.append(chosen.clearance[0, 1])
         state, rates, queued = one_period_on(flow, state, rates, queued, u.command.array())
     assert short[-1] >= 0.5 * min(short[0], 0.0)
+
+
+def test_the_error_sum_is_nothing_on_the_model_and_what_is_added_off_it() -> None:
+    """Two vehicles head-on on their own model; then one of them is put 0.1 m nearer in one period."""
+    flow = flow_of(2)
+    state = State.of([[0.0, 0.0, 0.0, 0.0], [60.0, 0.0, np.pi, 0.0]])
+    rates = np.tile([16.0, 0.2, 0.0], (2, 1))
+    queued = np.repeat(rates[None], flow.depth, axis=0)
+    total = ErrorSum(flow, KAPPA, LEVEL, near=200.0)
+    for k in range(12):
+        total.see(state, rates, queued, flow.gamma)
+        if k == 5:
+            assert total.error.one_step < 1e-9
+        state, rates, queued = one_period_on(flow, state, rates, queued, flow.gamma)
+        if k == 5:
+            state = replace(state, x=state.x - np.array([0.0, 0.1]))
+    assert total.error.one_step == pytest.approx(0.1, abs=2e-3)
+    assert total.error.accumulated == pytest.approx(0.1, abs=2e-3)

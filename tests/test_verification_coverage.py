@@ -126,6 +126,7 @@ def folders(tmp_path: Path) -> Iterator[Path]:
             ['goal.on_arrival="leave"'],
             ['guidance={kind="track", rows=[[0, -200, 0, 0], [9, 0, 0, 0]]}'],
             ["sensing.range_m=300"],
+            ["filter.kind=flow", "filter.margin_m=identified", "plant=lagged", "lags.source=airframe"],
             ['fence=[{kind="heights", floor_m=-50}]'],
         )
     ):

@@ -7,8 +7,7 @@ a state with clearance >= 0, the model's clearance stays >= 0; see docs/guide/fl
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from filters.cbf.problem import Problem, input_set
 from filters.constraints import Indices
 from filters.filter import Check, Decision, Declaration, MonitorRecord
+from filters.flow.belief import Belief
 from filters.flow.channels import Channels, Lag
 from filters.flow.choice import TOLERANCE_M, Ending, Wanted, choose
 from filters.flow.phases import Phases
@@ -37,6 +37,9 @@ def flow_checks() -> dict[str, Check]:
         "flow_step": Check(
             "a period uses up at most kappa of a pair's clearance on the flow [m]", -STEP_TOLERANCE_M
         ),
+        "flow_wind": Check(
+            "in this wind gamma is flown at 1 m/s and more above the autopilot's least airspeed [m/s]", 0.0
+        ),
     }
 
 
@@ -49,8 +52,8 @@ class FlowFilter:
     dt       s, the filter's period, for which a command is held
     margin   m, m
     kappa    share of the clearance that one period may use up, in (0, 1]
-    trust    share of the difference between measured and modelled rates that is believed in a period, in
-             [0, 1]; what gusts do to a course rate is gone before a channel would have let it go
+    trust    share of the difference between measured and modelled rates that is believed in a period
+    said     numbers for the record: how the margin was found
     cost     "range" divides each channel by its range, "raw" leaves them as they stand
     Raises   ValueError for numbers out of these ranges
 
@@ -69,25 +72,23 @@ class FlowFilter:
         kappa: float = 0.1,
         cost: Literal["range", "raw"] = "range",
         trust: float = 0.1,
+        said: Mapping[str, float] | None = None,
     ) -> None:
         if not 0 < kappa <= 1:
             raise ValueError(f"kappa is a share in (0, 1], got {kappa}")
         if not (np.isfinite(margin) and margin >= 0):
             raise ValueError(f"the margin must be finite and not negative, got {margin} m")
-        if not 0 <= trust <= 1:
-            raise ValueError(f"trust is a share in [0, 1], got {trust}")
         if cost not in ("range", "raw"):
             raise ValueError(f"cost is 'range' or 'raw', not {cost!r}")
         self.flow = flow = Flow(Channels.of(lags, len(gamma)), gamma.array(), dt)
         # How far gamma turns in a period, which is also how far apart the phases looked at are.
         self._turn = float(flow.gamma[0, 1]) * dt
         self.phases = Phases(abs(self._turn))
-        self.level, self.kappa, self.cost, self.trust = d_safe + margin, kappa, cost, trust
-        self._modelled: Array | None = None
-        self.record = MonitorRecord(checks=flow_checks())
+        self.level, self.kappa, self.cost = d_safe + margin, kappa, cost
+        self._belief = Belief(flow, trust)
+        self.record = MonitorRecord(checks=flow_checks(), numbers=dict(said or {}))
         self.endings = np.zeros(len(Ending), dtype=int)
         self._pairs = np.triu_indices(len(gamma), 1)
-        self._queued: deque[Array] = deque(maxlen=max(self.flow.depth, 1))
         self._before: Array | None = None
         self._clear = np.full((len(gamma), len(gamma)), np.nan)
 
@@ -111,11 +112,8 @@ class FlowFilter:
         state, rates = own.state, own.rates.array()
         if not (state.isfinite().all() and np.isfinite(rates).all()):
             raise ValueError("the flow needs finite poses and rates")
-        while len(self._queued) < max(flow.depth, 1):
-            self._queued.append(rates)  # before the start all flew as they fly now
-        if self._modelled is not None:
-            rates = self._modelled + self.trust * (rates - self._modelled)
-        queued = np.stack(self._queued)
+        self._belief.see(rates)
+        rates, queued = self._belief.rates, self._belief.queued
         begun = flow.begin(state, rates, queued, flow.times(rates))
         gamma = np.minimum(np.maximum(flow.gamma, lower), upper)
         wanted = Wanted(target, lower, upper, gamma, self._scale(lower, upper))
@@ -136,8 +134,7 @@ class FlowFilter:
         clear[found.i, found.j] = found.least - self.level
         self._clear = clear
         self._note(clear, ending)
-        self._modelled = flow.after(rates, np.concatenate([u[None], queued]))
-        self._queued.appendleft(u.copy())
+        self._belief.told(u)
         short = np.fmax(-np.fmin(np.fmin.reduce(clear, axis=0), np.fmin.reduce(clear, axis=1)), 0.0)
         outside = np.nan_to_num(short) > 0
         status = np.where(outside & (ending == Ending.EVADING), int(Status.INFEASIBLE), int(Status.SOLVED))

@@ -19,7 +19,7 @@ OF_THE_FLOW = tuple(
 RECORDED = {claim.id: claim for claim in (*MONITORED, *OF_THE_FLOW)}
 # Of the monitor's checks, those that are premises of a theorem, not conclusions: one that fails violates
 # nothing.
-PREMISES = ("aligned", "aligned_limited", "gradient")
+PREMISES = ("aligned", "aligned_limited", "gradient", "flow_wind")
 
 
 def monitored(record: MonitorRecord, s: Scenario) -> list[Verdict]:

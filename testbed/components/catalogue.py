@@ -116,6 +116,7 @@ def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
 
 def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
     from filters.flow.flow_filter import FlowFilter
+    from testbed.components.flow_margin import flow_margin, spare_airspeed
 
     said = s.filter
     if not isinstance(said, control.Flow):
@@ -127,9 +128,21 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
     if gamma is None:
         raise UserError("filter.kind: 'flow' needs one evading manoeuvre, and this barrier has none for all")
     try:
-        return FlowFilter(
-            lags(s), gamma, s.d_safe_m, s.rates.filter_dt_s, said.margin_m, said.kappa, said.cost, said.trust
+        flying = airframes(s) if s.plant == "jsbsim" else []
+        margin, numbers = flow_margin(s, gamma, lags(s), limits(s), flying)
+        made = FlowFilter(
+            lags(s),
+            gamma,
+            s.d_safe_m,
+            s.rates.filter_dt_s,
+            margin,
+            said.kappa,
+            said.cost,
+            said.trust,
+            numbers,
         )
+        made.record.checks["flow_wind"].see(0, *spare_airspeed(s, gamma, flying))
+        return made
     except ValueError as error:
         raise UserError(f"filter: {error}") from None
 

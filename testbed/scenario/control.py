@@ -45,8 +45,10 @@ class Flow(Section):
     """One QP per vehicle, whose barrier is along the flow of a model with lags: see the guide, flow.md."""
 
     kind: Literal["flow"]
-    margin_m: NonNegative = Field(
-        default=0.0, description="the flow keeps Ds and this: what the model misses"
+    margin_m: NonNegative | Literal["identified"] = Field(
+        default=0.0,
+        description="the flow keeps Ds and this: what the model misses; identified flies encounters of"
+        " each airframe in calm air, measures that, and adds what is missed between samples",
     )
     kappa: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.1, description="share of the clearance on the flow that one filter period may use up"

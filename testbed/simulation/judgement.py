@@ -85,6 +85,8 @@ def judge(
     record = declaration(made.filter).record if made else None
     if record is not None:
         verdicts += monitored(record, s)
+    if record is not None and record.numbers:
+        manifest["flow"] = dict(record.numbers)
     if record is not None and record.compares:
         manifest["qp_cost"] = {
             "steps": record.compared,

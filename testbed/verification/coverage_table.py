@@ -116,6 +116,7 @@ MANIFEST = {
     "filter_steps": _by("end"),
     "worst_qp_residual": _no(FLY),
     "override_share": _by("override_share", otherwise="not every filter step was recorded"),
+    "flow": _sometimes(_by("F1 monitor-flow_clear")),
     "qp_cost": _sometimes(_no("the solutions of the other QP are not recorded")),
     "declared": _sometimes(_by("entries")),
     "left_s": _sometimes(_by("left")),

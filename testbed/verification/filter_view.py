@@ -84,11 +84,7 @@ def lags(s: Scenario) -> Array | None:
         other = "@".join(a.removesuffix(".eq") for a in asked if a not in USUAL)
         if other in ("typical", "poor"):
             other = f"inverting@{other}"
-        folder = (
-            AIRFRAMES / called
-            if (AIRFRAMES / called).is_dir()
-            else Path(s.get("airframes_folder", ""), called)
-        )
+        folder = airframe_folder(s, called)
         file = f"autopilots/{other}.toml" if other else "airframe.toml"
         try:
             said = tomllib.loads((folder / file).read_text(encoding="utf-8-sig"))["identified"]
@@ -98,6 +94,12 @@ def lags(s: Scenario) -> Array | None:
     found = np.array([known[name] for name in fleet.airframes(s)])
     found[~fleet.under(s), :, :2] = 0.0  # intruders are not about to fly gamma
     return found
+
+
+def airframe_folder(s: Scenario, name: str) -> Path:
+    """Where an airframe's files are."""
+    ours = AIRFRAMES / name
+    return ours if ours.is_dir() else Path(s.get("airframes_folder", ""), name)
 
 
 def _of_table(table: dict[str, Any]) -> Array:

@@ -1,4 +1,4 @@
-"""Checks the flow filter's claims F1 and F2: flies the lagging vehicles on in steps of 5 ms.
+"""Checks the flow filter's claims F1 to F3: flies the lagging vehicles on in steps of 5 ms.
 
 Every channel is stepped by the law of a first-order lag after a delay with a bounded rate, each step split
 where a new command is heard; positions are summed over the steps. Once all channels have settled, what is
@@ -7,21 +7,24 @@ left is two circles flown in step.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from testbed.verification.filter_view import lags
+from testbed.verification import fleet
+from testbed.verification.filter_view import airframe_folder, lags
 from testbed.verification.finding import Finding, Judge, Values
 from testbed.verification.future import manoeuvre
 from testbed.verification.monitor_claims import follows
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.rows import Rows
 
-CLEAR, STEP = "monitor-flow_clear", "monitor-flow_step"
+CLEAR, STEP, WIND = "monitor-flow_clear", "monitor-flow_step", "monitor-flow_wind"
 BOUNDS = {CLEAR: 0.0, STEP: -2e-3}
+SPARE_MPS = 1.0
 
 STEP_S = 0.005
 # Time constants after which nothing is left of a lag.
@@ -53,8 +56,10 @@ class Lagging:
 
 
 def flow_claims(rows: Rows) -> Iterator[Finding]:
-    """The findings of F1 and F2."""
+    """The findings of F1, F2 and F3."""
     run = rows.run
+    if WIND in run.guarantees:
+        yield _wind(run, Judge(run, run.guarantees[WIND]))
     names = [id for id in BOUNDS if id in run.guarantees]
     if not names:
         return
@@ -88,6 +93,25 @@ def _unknown(rows: Rows) -> str:
     if s["network"]["latency_s"] or s["network"]["loss"]:
         return "each vehicle saw late poses of the others"
     return ""
+
+
+def _wind(run: Recorded, judge: Judge) -> Finding:
+    """F3, from the airframes' files."""
+    s = run.scenario
+    follows(judge, 0.0, premise=True)
+    if s["plant"] != "jsbsim":
+        return judge.nothing("never met")
+    found = []
+    for name, v in zip(fleet.airframes(s), manoeuvre(s)[:, 0], strict=True):
+        try:
+            file = airframe_folder(s, name.partition("@")[0]) / "airframe.toml"
+            said = tomllib.loads(file.read_text(encoding="utf-8-sig"))["gains"]["envelope"]
+            least = said["airspeed_min_mps"]
+        except (OSError, ValueError, KeyError, TypeError):
+            return judge.done("unknown", None, True, "the airframe's least airspeed is not to be found")
+        found.append(v - s["wind"]["speed_mps"] - least - SPARE_MPS)
+    judge.expect_near("value", judge.entry["value"], min(found), 1e-9)
+    return judge.done(f"{min(found):.6g}", 1e-9)
 
 
 def _judged(run: Recorded, judge: Judge, least: Array) -> Finding:
