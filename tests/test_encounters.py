@@ -357,3 +357,44 @@ def test_options_that_no_encounter_has_are_refused(refusal: Callable[..., str]) 
     assert "--speed 0: give 0.1 to 900 m/s" in said
     assert "does not exist" in refusal("encounters", "import", "no.csv", "--format", "csv", *where)
     assert "has no file that ends in .daa" in refusal("encounters", "import", ".", "--format", "daa", *where)
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data(), format_=st.sampled_from(sorted(FORMATS)))
+def test_a_damaged_file_is_read_or_refused_and_never_a_crash(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, format_: str
+) -> None:
+    """Letters of the example files replaced, lines lost, doubled or cut."""
+    lines = (EXAMPLES / FORMATS[format_]).read_text().split("\n")[:24]
+    for _ in range(data.draw(st.integers(1, 3))):
+        k = data.draw(st.integers(0, len(lines) - 1))
+        line = lines[k]
+        at = data.draw(st.integers(0, max(0, len(line))))
+        how = data.draw(st.sampled_from(["letter", "cut", "lost", "twice"]))
+        if how == "letter":
+            new = data.draw(
+                st.sampled_from(["", "-", "x", "9e9", " ", ",", ":", ";", "[", "nan", '"', "\t", "#", "é"])
+            )
+            lines[k] = line[:at] + new + line[at + 1 :]
+        elif how == "cut":
+            lines[k] = line[:at]
+        elif how == "twice":
+            lines.insert(k, line)
+        elif len(lines) > 1:
+            del lines[k]
+    file = tmp_path_factory.mktemp("damaged") / f"e.{format_}"
+    file.write_text("\n".join(lines), encoding="utf-8")
+    try:
+        for e in read([file], format_):
+            made(e, Choices()).scenario()
+    except UserError as error:
+        assert "\n" not in str(error)
+
+
+def test_a_campaign_flies_an_imported_encounter(tmp_path: Path, call: Callable[..., int]) -> None:
+    out = tmp_path / "out"
+    assert call("encounters", "import", EXAMPLES / "head-on.csv", "--format", "csv", "--out", out) == 0
+    file = tmp_path / "c.toml"
+    said = 'guarantee = "separation-intruders"\nfilters = ["centralised", "none"]\n'
+    file.write_text(f'name = "c"\nscenario = "out/head-on.toml"\nseeds = 1\n{said}')
+    assert call("campaign", "check", file) == 0

@@ -420,3 +420,40 @@ def test_a_requirement_of_a_baseline_has_a_name(refusal: Callable[..., str]) -> 
     record = ("regress", "record", "b", "--scenario", "paper-2-turn", "--requirement")
     assert "write NAME=FORMULA" in refusal(*record, "always(distance_m > 5)")
     assert "no column 'hm'" in refusal(*record, "low=hm > 5")
+
+
+PIECES = [
+    *[
+        "always",
+        "eventually",
+        "until",
+        "not",
+        "and",
+        "or",
+        "implies",
+        "[0,2]",
+        "[1,end]",
+        "(",
+        ")",
+        "h_m",
+        "v_mps",
+        "distance_m",
+        "abs",
+        "<",
+        ">=",
+        "==",
+        "+",
+        "-",
+    ],
+    *["*", "/", "5", "0.5", "1e9", "[", ",", "x", "²", "$"],
+    "\n",
+]
+
+
+@settings(max_examples=200, deadline=None)
+@given(pieces=st.lists(st.sampled_from(PIECES), max_size=12))
+def test_any_text_is_a_formula_or_refused_in_one_line(pieces: list[str]) -> None:
+    try:
+        assert isinstance(Requirement(" ".join(pieces)).unit, str)
+    except UserError as error:
+        assert "\n" not in str(error)
