@@ -274,6 +274,28 @@ def test_a_column_without_a_value_leaves_the_requirement_open(flown: testbed.Run
     found = Requirement("always (hdot_realised_mps > -100)").judge(flown)  # nan at the last instant
     assert found.value is None and found.status == "open"
     assert Requirement("always[0,19](hdot_realised_mps > -100)").judge(flown).status == "holds"
+    both = Requirement("always (hdot_realised_mps > -100) and always (distance_m > 300)").judge(flown)
+    assert both.status == "violated" and both.vehicles == (1, 2)
+
+
+def test_a_run_that_ended_early_may_be_violated_met_or_open() -> None:
+    """Cut off at 10 s of 20: the pair has met, at its least distance, and nobody is at the goal yet."""
+    s = load("paper-2-turn", ["filter_dt_s=0.05", "record_dt_s=0.05", "manoeuvre_instants=0"])
+    run = testbed.run(s)
+    whole = run.pairs.distance_m
+    seen = {
+        name: {c: v[: len(v) * 200 // 401] for c, v in columns.items()}
+        for name, columns in run.tables.items()
+    }
+    cut = testbed.Run(run.manifest | {"ended_early": "stall at 10 s"}, run.guarantees, {}, tables=seen)
+    close = whole[:200].min()
+    lost = Requirement(f"always[0,20](distance_m > {close + 1:.6f})").judge(cut)
+    assert lost.status == "violated" and lost.value == pytest.approx(-1.0, abs=1e-5)
+    left = Requirement("always[0,20](distance_m > 1)").judge(cut)
+    assert (left.status, left.value) == ("open", None) and "stall at 10 s" in left.why
+    met = Requirement("eventually[0,20](distance_m < 100)").judge(cut)
+    assert met.status == "holds" and met.value == pytest.approx(100 - close)
+    assert Requirement("always[0,9](distance_m > 1)").judge(cut).status == "holds"
 
 
 @pytest.mark.parametrize(
@@ -423,7 +445,7 @@ def test_a_requirement_of_a_baseline_has_a_name(refusal: Callable[..., str]) -> 
 
 
 PIECES = [
-    *[
+    *(
         "always",
         "eventually",
         "until",
@@ -431,21 +453,32 @@ PIECES = [
         "and",
         "or",
         "implies",
-        "[0,2]",
-        "[1,end]",
-        "(",
-        ")",
+        "abs",
         "h_m",
         "v_mps",
         "distance_m",
-        "abs",
+        "x",
+    ),
+    *(
+        "[0,2]",
+        "[1,end]",
+        "[",
+        ",",
+        "(",
+        ")",
         "<",
         ">=",
         "==",
         "+",
         "-",
-    ],
-    *["*", "/", "5", "0.5", "1e9", "[", ",", "x", "²", "$"],
+        "*",
+        "/",
+        "5",
+        "0.5",
+        "1e9",
+        "²",
+        "$",
+    ),
     "\n",
 ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import inf, isnan
+from math import inf, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -101,8 +101,12 @@ class Requirement:
                 raise UserError(f"{where}: {s.name} has no column {column.name}: {lacks}")
 
     def judge(self, run: Run) -> Robustness:
-        """The least robustness over its parts joined by `and`, and over all that each is about."""
+        """The least robustness over its parts joined by `and`, and over all that each is about.
+
+        Raises  UserError as `check` does
+        """
         measured = Measured(run)
+        self.check(measured.scenario)
         ended = run.manifest["ended_early"]
         end = measured.scenario.duration_s if ended else float(measured.t[-1])
         high = self._least(measured, end, inf)
@@ -119,19 +123,21 @@ class Requirement:
         return Robustness(None, self.unit, Status.OPEN, high[1], why)
 
     def _least(self, measured: Measured, end: float, beyond: float) -> tuple[float, tuple[int, ...]]:
-        """The least robustness, and of which vehicles; nan where a column has no value."""
+        """The least robustness, and of whom; nan where a column has no value and nothing is below 0."""
         found: tuple[float, tuple[int, ...]] = (inf, ())
+        unknown: tuple[int, ...] | None = None
         for part in conjuncts(self.formula):
             named = {c.name for c in columns(part)}
             subjects = measured.subjects({QUANTITIES[n].of for n in named})
             values = {n: measured.values(n, subjects) for n in named}
             each = robustness(part, Signals(measured.t, values, end, beyond))
-            k = int(np.argmin(np.where(np.isnan(each), -inf, each)))
-            if isnan(each[k]):
-                return float("nan"), subjects[k].vehicles
+            without = np.isnan(each)
+            if without.any():
+                unknown = _sorted(subjects[int(np.argmax(without))])
+            k = int(np.argmin(np.where(without, inf, each)))
             if each[k] < found[0]:
                 found = float(each[k]), _sorted(subjects[k])
-        return found
+        return found if unknown is None or found[0] < 0 else (nan, unknown)
 
 
 def _sorted(subject: Subject) -> tuple[int, ...]:
