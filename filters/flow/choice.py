@@ -77,8 +77,8 @@ def choose(
     them, it keeps its rows.
     """
     u, reached = wanted.clipped, moved
-    aims = [rows.least + _recovery(wanted, rows, slope), rows.least]
-    for aim in aims if rows.back.any() else aims[1:]:
+    aims = [rows.least + _recovery(wanted, rows, slope)] if rows.back.any() else []
+    for aim in (*aims, rows.least):
         fails = _who(rows, reached < aim - TOLERANCE_M, len(u))
         if not fails.any():
             break
@@ -118,32 +118,33 @@ def _nearest(
 ) -> tuple[Array, Array]:
     """Inputs near the targets with displacements of at least `aim`, if there are, and their displacements."""
     u, at, need = wanted.clipped, wanted.gamma, aim
+    v = rows.vehicle
+    floor = dot(slope, np.where(slope > 0, wanted.lower.take(v, axis=0), wanted.upper.take(v, axis=0)))
     for _ in range(_CORRECTIONS):
         fails = _who(rows, ~(moved >= aim - TOLERANCE_M), len(u))
         if not fails.any():
             break
         # Whoever keeps its rows already is left alone: vehicles do not depend on each other.
-        found = _solve(wanted, rows, slope, need + dot(slope, at[rows.vehicle]))
+        level = need + dot(slope, at.take(v, axis=0))
+        # Rows that no input in the box can break are none to the QP.
+        found = _solve(wanted, rows, slope, level, np.flatnonzero((floor < level) & fails[v]))
         u = np.where(fails[:, None], found, u)
         moved = exact(u)
         at, need = u, aim - moved
     return u, moved
 
 
-def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array) -> Array:
-    """The inputs nearest to the targets with slope u >= level, rows added as they are found broken."""
-    # Rows that no input in the box can break are none to the QP.
-    low, high = wanted.lower[rows.vehicle], wanted.upper[rows.vehicle]
-    some = np.flatnonzero(dot(slope, np.where(slope > 0, low, high)) < level)
-    vehicle, slope, level = rows.vehicle[some], slope[some], level[some]
+def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array, some: Indices) -> Array:
+    """The inputs nearest to the targets with slope u >= level in `some` rows, added as they are broken."""
+    vehicle, slope, level = rows.vehicle[some], slope.take(some, axis=0), level[some]
     group = vehicle * (int(rows.other.max(initial=0)) + 1) + rows.other[some]
     scale = wanted.scale
     kept = np.zeros(vehicle.size, dtype=bool)
     u = wanted.clipped
-    scaled = slope * scale[vehicle]
+    scaled = slope * scale.take(vehicle, axis=0)
     box = wanted.target / scale, wanted.lower / scale, wanted.upper / scale
     for _ in range(_ROUNDS):
-        short = level - dot(slope, u[vehicle])
+        short = level - dot(slope, u.take(vehicle, axis=0))
         broken = np.flatnonzero((short > _CHANGED) & ~kept)
         if not broken.size:
             break
