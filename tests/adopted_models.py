@@ -49,6 +49,11 @@ def elevons(folder: Path) -> Path:
     return model(folder, "x8")
 
 
+def tail(folder: Path) -> Path:
+    """The rascal: elevator, ailerons and rudder, a tractor's thrust."""
+    return model(folder, "rascal")
+
+
 def v_tail(folder: Path) -> Path:
     """Two surfaces at the tail that mix elevator and rudder."""
 
@@ -186,6 +191,7 @@ def unstable(folder: Path) -> Path:
 
 MODELS: dict[str, Callable[[Path], Path]] = {
     "elevons": elevons,
+    "tail": tail,
     "v-tail": v_tail,
     "electric": electric,
     "own-control": own_control,

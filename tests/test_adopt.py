@@ -19,6 +19,9 @@ from aircraft.airframe import load
 from aircraft.airframes.schema import AIRFRAMES
 from aircraft.autopilots.freshness import stale_lags
 from aircraft.autopilots.tuning import fly
+from aircraft.jsbsim.fdm import Fdm
+from aircraft.jsbsim.geodesy import Origin
+from aircraft.jsbsim.rest import Start
 from testbed.cli.main import app
 from testbed.errors import UserError
 
@@ -56,6 +59,18 @@ def test_an_adopted_aircraft_holds_level_flight_calm_and_in_a_crosswind(a4):
         assert abs(f.v - v).max() < 0.1
         assert abs(f.zeta).max() < 0.05
         assert abs(f.omega).max() < math.radians(0.1)
+
+
+@pytest.mark.slow
+def test_tanks_keep_their_contents_in_flight(a4):
+    """JSBSim reads propulsion/fuel_freeze as 0 whatever was written to it."""
+    airframe = load(a4[0])
+    assert airframe.setup.fuel_freeze
+    fdm = Fdm(airframe, 0.005, Origin())
+    fdm.start(Start(0.0, 0.0, 0.0, 0.0, airframe.speeds.start_mps))
+    before = fdm.read("propulsion/total-fuel-lbs")
+    fdm.run((0.0, 0.0, 0.0), 200)
+    assert fdm.read("propulsion/total-fuel-lbs") == before
 
 
 @pytest.mark.slow

@@ -315,3 +315,11 @@ def test_the_command_answers_by_its_exit_code_within_80_columns(
     text = capsys.readouterr().out
     assert "G1 separation differs: value is 99" in text and max(map(len, text.splitlines())) <= 80
     assert call("verify", tmp_path) == 2
+
+
+def test_attitude_agrees_far_from_the_origin_where_the_ground_is_tilted(tmp_path: Path) -> None:
+    """20 km away the vertical differs by 3e-3 rad from the origin's, and north by 2.6e-3 rad."""
+    far = ["plant=jsbsim", "start.radius_m=20000", "duration_s=0.1", "manoeuvre_instants=3"]
+    run(load("paper-2-turn", far), tmp_path / "run", force=True)
+    flow = [f for f in verify(tmp_path / "run") if f.what in ("airspeed_mps", "alpha_rad", "beta_rad")]
+    assert len(flow) == 3 and all(f.agrees for f in flow), flow

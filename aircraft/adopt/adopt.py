@@ -52,8 +52,8 @@ class _Trims:
 
     def __call__(self, v: float) -> Trim | None:
         if v not in self._known:
-            near = min(self._known.values(), key=lambda t: abs(t.airspeed - v), default=None)
-            self._known[v] = self._rig.trim(v, near or self._model.found.near(v))
+            known = (*self._model.found.trims, *self._known.values())
+            self._known[v] = self._rig.trim(v, min(known, key=lambda t: abs(t.airspeed - v)))
         return self._known[v]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ _ABOVE_STALL, _RANGE, _BELOW_TOP = 1.3, 1.75, 0.93
 _FINER = 1.1  # ratio of speeds that are tried upwards
 _NARROWEST = 1.12  # least v_max / v_min that steps of an autopilot can be flown in
 _PERIODS = 8
+_SOUGHT_S = 10.0  # processor time
 _MOST_CL = 20.0
 _LEVEL_RAD = 0.05  # angle of attack where nothing is known yet
 _GIVEN = 400  # periods, 2 s
@@ -114,7 +116,7 @@ def _stall(rig: Rig) -> tuple[float, float, bool]:
         if np.abs(cls).max() > _MOST_CL:
             raise AdoptionError(
                 STAGE,
-                f"its forces run away while it is held (a lift coefficient of {np.abs(cls).max():.0f}): they"
+                f"its forces run away while it is held (a lift coefficient of {np.abs(cls).max():.2g}): they"
                 " depend on the rate of alpha, which they make themselves",
             )
         falls = [k for k in range(3, len(cls) - 1) if cls[k] > cls[k + 1] and cls[k] > 0.2]
@@ -155,8 +157,10 @@ def _level(rig: Rig, v: float, near: Trim | None) -> Trim | None:
 
 
 def _lowest(rig: Rig, v: float) -> Trim:
-    first = v
+    first, until = v, process_time() + _SOUGHT_S
     for _ in range(9):
+        if process_time() > until:  # engines that settle slowly: say what is missing in time
+            break
         found = _level(rig, v, None)
         if found is not None:
             return found

@@ -23,8 +23,9 @@ from testbed.verification.telemetry import telemetry
 
 ROUNDING = 1e-6
 OVERRIDE = 1e-6
-# Of the second difference of velocities, what the mean of two may be off.
-BEND = 0.2
+# What the mean of two velocities may be off: of the second difference beside it, and of the sum of both, by
+# which an acceleration jumps in the step between. One velocity that is forged has half the sum of its own.
+BEND, JUMP = 0.2, 0.4
 # Of turn rates, beside what their changes around allow: an aircraft's shakes, more so in gusts [rad/s].
 TURN_RADPS = {False: 2e-3, True: 0.03}
 PER_GUST_RADPS = 0.03
@@ -121,7 +122,8 @@ def _strays(run: Recorded, paths: PathBounds, velocity: Array, dt: Array) -> Arr
     """How far the mean of two velocities may be from the flight between them (T - 1, N) [m].
 
     An aircraft's velocity bends by a twelfth of its second difference (a tenth at most in runs of both
-    airframes); where gusts and noise shake it, by what it changes around. Else it may be all that is allowed.
+    airframes), or by a third of the jump of acceleration that a command makes; where gusts and noise shake
+    it, by what it changes around. Else it may be all that is allowed.
     """
     s, change = run.scenario, np.linalg.norm(np.diff(velocity, axis=0), axis=-1)
     if not resolved(run):
@@ -130,9 +132,11 @@ def _strays(run: Recorded, paths: PathBounds, velocity: Array, dt: Array) -> Arr
     shaken = gusts["intensity"] != "none" or gusts["jsbsim_turbulence"] != "none" or gusts["sigma_mps"]
     if shaken or s["plant"] != "jsbsim" or not knows_itself(s) or len(velocity) < 3:
         return np.asarray((paths.changing + 1e-3) * dt)
-    bend = np.linalg.norm(np.diff(velocity, 2, axis=0), axis=-1)
-    around = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))
-    return np.asarray((BEND * around + 2e-3) * dt)
+    second = np.diff(velocity, 2, axis=0)
+    before, after = np.concatenate([second[:1], second]), np.concatenate([second, second[-1:]])
+    around = np.maximum(np.linalg.norm(before, axis=-1), np.linalg.norm(after, axis=-1))
+    jump = np.linalg.norm(before + after, axis=-1)
+    return np.asarray((np.maximum(BEND * around, JUMP * jump) + 2e-3) * dt)
 
 
 def _override(run: Recorded) -> Iterator[Finding]:

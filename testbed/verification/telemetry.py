@@ -17,7 +17,8 @@ from testbed.verification.recorded import Array, Recorded
 
 G_MPS2 = 9.80665
 ATTITUDE = ("roll_rad", "pitch_rad", "heading_rad")
-# Largest seen, both airframes: 1e-4 m/s, 6e-6 rad, 2e-5 rad (their vertical is not the origin's).
+# The origin of all runs; the Earth's radii of curvature there, along parallel and meridian (WGS 84).
+_LATITUDE_RAD, _EAST_M, _NORTH_M = np.radians(40.0), 6.3870e6, 6.3622e6
 AIRSPEED_MPS, ALPHA_RAD, BETA_RAD = 1e-3, 5e-5, 2e-4
 # In g, beside what finite differences miss: an error of the load factor (largest seen 0.001), the side force
 # (0.1), and what gusts add per m/s of their standard deviation (0.06).
@@ -47,7 +48,7 @@ def _flow(run: Recorded) -> Iterator[Finding]:
         for name in names:
             yield Finding(name, f"{run.vehicles[name].size} values", "unknown", None, None, UNSEEN_AIR)
         return
-    u, v, w = np.moveaxis(in_body(run, run.velocity - air.velocity), -1, 0)
+    u, v, w = np.moveaxis(in_body(run, _local(run) - air.velocity), -1, 0)
     speed = np.sqrt(u**2 + v**2 + w**2)
     slip = np.arcsin(np.clip(v / np.maximum(speed, 1e-9), -1.0, 1.0))
     share = air.off / np.maximum(speed, 1.0)
@@ -58,6 +59,18 @@ def _flow(run: Recorded) -> Iterator[Finding]:
         strict=True,
     ):
         yield compared(name, run.vehicles[name], own, off)
+
+
+def _local(run: Recorded) -> Array:
+    """Ground velocity (T, N, 3) along east, north and up where the vehicle is.
+
+    Recorded are its projection on the origin's plane, which is tilted against the ground below the vehicle,
+    and the climb rate there. Meridians converge, so that north has turned as well. To the first order.
+    """
+    x, y = run.position[..., 0] / _EAST_M, run.position[..., 1] / _NORTH_M
+    v_x, v_y, climb = np.moveaxis(run.velocity, -1, 0)
+    v_x, v_y, turned = v_x - climb * x, v_y - climb * y, x * np.tan(_LATITUDE_RAD)
+    return np.stack([v_x + v_y * turned, v_y - v_x * turned, climb], axis=-1)
 
 
 def _forces(run: Recorded) -> Iterator[Finding]:
