@@ -8,13 +8,15 @@ from typing import Any
 
 from testbed.campaigns.identity import code_id
 from testbed.campaigns.job import Job
+from testbed.claims.registry import INTERVENTION
 from testbed.components.components import Parts
 from testbed.errors import UserError, short
+from testbed.measures.progress import seeking
 from testbed.records.checksums import plain
 from testbed.records.run import Run
 from testbed.records.verdict import Status
 from testbed.requirements.requirement import Requirement, recorded_at_every_step
-from testbed.scenario.scenario import Scenario
+from testbed.scenario.scenario import Scenario, parse
 from testbed.simulation.simulate import run
 
 FLOWN, REFUSED, FAILED = "flown", "refused", "failed"
@@ -24,7 +26,7 @@ NOT_THE_RUNS = (OSError, MemoryError)
 
 
 def fly(job: Job) -> dict[str, Any]:
-    """The row of one run: status, reason, and (value, verdict) of every guarantee.
+    """The row of one run: status, reason, (value, verdict) of every guarantee, and who arrived.
 
     A scenario that is refused, or an error within the run, is a row. Raises UserError if this process runs
     other code or has other parts, OSError or MemoryError if the machine has no room.
@@ -50,7 +52,11 @@ def blank(status: str, reason: str) -> dict[str, Any]:
 
 
 def row(done: Run, requirements: Sequence[tuple[str, str]] = ()) -> dict[str, Any]:
-    """Value and verdict of every claim, and robustness and verdict of every requirement, by name."""
+    """Value and verdict of every claim, robustness and verdict of every requirement, by name; who arrived.
+
+    arrived  how many vehicles passed their goal, of how many that have one, and the mean time [s] that this
+             took them longer than alone; None where that is not known of any
+    """
     found = {g.id: [_number(g.value), g["verdict"]] for g in done.guarantees}
     for name, text in requirements:
         judged = Requirement(text).judge(done)
@@ -60,7 +66,17 @@ def row(done: Run, requirements: Sequence[tuple[str, str]] = ()) -> dict[str, An
         "reason": None,
         "ended_early": done.manifest["ended_early"],
         "guarantees": plain(found),
+        "arrived": _arrived(done),
     }
+
+
+def _arrived(done: Run) -> list[Any]:
+    detail = done.guarantee(INTERVENTION.id)["detail"]
+    due = seeking(parse(done.manifest["scenario"], keep_idle=True))
+    paths, times = (detail.get(name, [None] * len(due)) for name in ("path_added_m", "time_added_s"))
+    known = [added for added, of in zip(times, due, strict=True) if added is not None and of]
+    arrived = sum(path is not None and bool(of) for path, of in zip(paths, due, strict=True))
+    return [arrived, int(due.sum()), sum(known) / len(known) if known else None]
 
 
 def lost(result: dict[str, Any], guarantee: str) -> bool:

@@ -55,6 +55,7 @@ def summary(state: Progress) -> list[dict[str, Any]]:
             "decision": str(look.decision) if look is not None else None,
             "against_first": None,
         }
+        row |= _arrived(found)
         if (beside := _beside_intruders(guarantee, found)) is not None:
             row["beside_intruders"] = beside
         if first is None:
@@ -68,6 +69,23 @@ def summary(state: Progress) -> list[dict[str, Any]]:
             }
         rows.append(row)
     return rows
+
+
+def _arrived(found: list[dict[str, Any]]) -> dict[str, Any]:
+    """Of the runs flown: vehicles that arrived, of those with a goal; median of the runs' mean time added.
+
+    Nothing where no vehicle has a goal, or runs were flown before this was counted.
+    """
+    seen = [row["arrived"] for row in found if row.get("arrived")]
+    due = sum(of for _, of, _ in seen)
+    if not due:
+        return {}
+    added = [more for _, _, more in seen if more is not None]
+    return {
+        "arrived": sum(count for count, _, _ in seen),
+        "with_goal": due,
+        "time_added_s": float(np.median(added)) if added else None,
+    }
 
 
 def _beside_intruders(guarantee: str, found: list[dict[str, Any]]) -> dict[str, Any] | None:
@@ -102,6 +120,11 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             "least": number(r["least"]),
             "median": number(r["median"]),
         }
+        if any("with_goal" in q for q in rows):
+            line |= {
+                "arrived": f"{r['arrived']}/{r['with_goal']}" if "with_goal" in r else "",
+                "added [s]": number(r.get("time_added_s")),
+            }
         if any("beside_intruders" in q for q in rows):
             beside = r.get("beside_intruders", {"lost": 0, "least": None})
             line |= {"lost to intruders": beside["lost"], "least to them": number(beside["least"])}

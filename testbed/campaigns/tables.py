@@ -20,8 +20,8 @@ def write(path: Path, plan: Plan, flown: Sequence[Planned], entries: dict[str, d
 
 
 def runs(plan: Plan, flown: Sequence[Planned], entries: dict[str, dict[str, Any]]) -> dict[str, list[Any]]:
-    """id, the axes' parameters, draws, seed, status, reason, ended_early, and of each guarantee its
-    value and verdict: `separation_value`, `separation_verdict`."""
+    """id, the axes' parameters, draws, seed, status, reason, ended_early, vehicles arrived, and of each
+    guarantee its value and verdict: `separation_value`, `separation_verdict`."""
     columns: dict[str, list[Any]] = {"id": [r.id for r in flown]}
     for name in plan.cells[0].parameters:
         columns[name] = _alike([plan.cells[r.cell].parameters[name] for r in flown])
@@ -31,6 +31,10 @@ def runs(plan: Plan, flown: Sequence[Planned], entries: dict[str, dict[str, Any]
     rows = [entries[r.id]["row"] for r in flown]
     for name in ("status", "reason", "ended_early"):
         columns[name] = [row[name] for row in rows]
+    if any("arrived" in row for row in rows):
+        seen = [row.get("arrived") or [None, None, None] for row in rows]
+        for k, name in enumerate(("arrived_value", "with_goal_value", "time_added_value")):
+            columns[name] = [None if of[k] is None else float(of[k]) for of in seen]
     for guarantee in dict.fromkeys(g for row in rows for g in row["guarantees"]):
         seen = [row["guarantees"].get(guarantee, [None, None]) for row in rows]
         name = guarantee.replace("-", "_")

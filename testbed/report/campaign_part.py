@@ -121,14 +121,19 @@ def _row(cell: Mapping[str, Any]) -> dict[str, Any]:
     low, pair = cell["quantile_05"], cell["against_first"] or {}
     keep = ["cell", "runs", "distinct", "lost", "rate_low", "rate_high"]
     keep += ["refused", "failed", "ended_early", "least"]
-    return {k: cell.get(k) for k in keep} | {
-        "quantile_05": low[0],
-        "median": cell["median"],
-        "decision": cell["decision"],
-        "lost only here": pair.get("only_this"),
-        "lost only in the first": pair.get("only_first"),
-        "p": pair.get("p_value"),
-    }
+    arrived = {k: cell[k] for k in ("arrived", "with_goal", "time_added_s") if k in cell}
+    return (
+        {k: cell.get(k) for k in keep}
+        | arrived
+        | {
+            "quantile_05": low[0],
+            "median": cell["median"],
+            "decision": cell["decision"],
+            "lost only here": pair.get("only_this"),
+            "lost only in the first": pair.get("only_first"),
+            "p": pair.get("p_value"),
+        }
+    )
 
 
 def _picture(
