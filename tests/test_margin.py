@@ -144,6 +144,7 @@ def test_the_table_has_rates_costs_and_delays() -> None:
                 "infeasible": 1,
                 "overridden_share": 0.5,
                 "path_added_m": 19.0,
+                "time_added_s": None if seed == 4 else 1.5,
                 "arrived_share": 0.5 if seed == 4 else 1.0,
                 "goal_passed_s": None if seed == 4 else 10.0 + (2.0 if name == "buffer" else 0.0),
             }
@@ -154,7 +155,7 @@ def test_the_table_has_rates_costs_and_delays() -> None:
     made = remedies.table(rows, straight_m=380.0).set_index("remedy")
     assert (made.violations["none"], made.rate["none"]) == (2, 0.5)
     assert made.rate_high["buffer"] == pytest.approx(0.602, abs=1e-3)
-    assert made.goal_delay_s["buffer"] == 2.0
+    assert made.goal_delay_s["buffer"] == 2.0 and made.time_added_s["buffer"] == 1.5
     assert made.path_cost["none"] == pytest.approx(0.05)
     assert made.infeasible_steps["none"] == 4
     # in one of four runs half of the vehicles were still on their way

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from statistics import median
+from statistics import mean, median
 from typing import TYPE_CHECKING, Any
 
 from testbed.campaigns.distinct import check_random, distinct_results
@@ -144,6 +144,9 @@ def _row(key: Case, runs: list[dict[str, Any]]) -> dict[str, Any]:
         # Runs in which every vehicle passed its goal: a vehicle that keeps its distance but never arrives is
         # no success.
         "arrived": len(_known(runs, "goal_passed_s")),
+        # Of single vehicles; and of the runs that all arrived in, the worst vehicle's time against alone.
+        "arrived_share": mean(_known(runs, "arrived_share") or [math.nan]),
+        "time_added_s": median(_known(runs, "time_added_s") or [math.nan]),
         "ended_early": sum(bool(_text(r, "ended_early") or _text(r, "refused")) for r in runs),
     }
 

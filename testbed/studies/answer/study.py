@@ -61,6 +61,8 @@ def answer(
             "95 % interval": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
             "least [m]": round(r.least_distance_m, 2),
             "arrived": f"{r.arrived}/{r.runs}",
+            "vehicles": f"{100 * r.arrived_share:.0f} %",
+            "added [s]": round(r.time_added_s, 1),
         }
         for r in table.itertuples()
     ]

@@ -45,8 +45,9 @@ def table(rows: pd.DataFrame, straight_m: float) -> pd.DataFrame:
     """One row per remedy: violation rate and interval, distances, infeasible steps, cost in path and time.
 
     straight_m  length of the undisturbed way, of which `path_cost` is the share added by the worst vehicle
-    The goal's delay is against the first remedy, seed by seed. Both are medians of the runs in which every
-    vehicle passed its goal, `arrived` of n; `arrived_share` is that of single vehicles.
+    `time_added_s` is that of the worst vehicle against alone; the goal's delay is against the first remedy,
+    seed by seed. All are medians of the runs in which every vehicle passed its goal, `arrived` of n;
+    `arrived_share` is that of single vehicles.
     """
     import pandas as pd
 
@@ -75,6 +76,7 @@ def table(rows: pd.DataFrame, straight_m: float) -> pd.DataFrame:
                 "arrived": int(of.goal_passed_s.notna().sum()),
                 "arrived_share": of.arrived_share.mean(),
                 "path_cost": of.path_added_m.astype(float).median() / straight_m,
+                "time_added_s": of.time_added_s.astype(float).median(),
                 "goal_delay_s": np.nanmedian((of.goal_passed_s - base.goal_passed_s).astype(float))
                 if of.goal_passed_s.notna().any()
                 else float("nan"),
