@@ -144,7 +144,7 @@ def _clearances(run: Recorded, lagging: Lagging) -> Array:
     depth = int(np.ceil(lagging.delay.max() / dt + 1e-9)) + 1
     # Before the start all were told what they flew then.
     told = np.concatenate([np.repeat(run.rates[:1], depth, axis=0), run.command])
-    rates = _believed(run.rates, told, lagging, dt, s["filter"]["trust"])
+    rates = _believed(run.rates, told, lagging, dt, s["filter"].get("trust", 1.0))
     level = s["d_safe_m"] + margin(run)
     every = max(1, MOST // s["vehicles"])
     parts = []
