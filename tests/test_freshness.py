@@ -13,6 +13,7 @@ from aircraft.airframes.provenance import FITTED, differs, fitted_fingerprint, i
 from aircraft.airframes.schema import Fitted, names
 from aircraft.airframes.setup import Engines, Setup
 from aircraft.autopilots import freshness, remaking
+from aircraft.autopilots.channel_family import FittedModel
 from aircraft.autopilots.freshness import stale_feedforward, stale_lags
 from aircraft.autopilots.remaking import Remade, remade_autopilot, remade_feedforward, remade_lags
 from aircraft.jsbsim.errors import FdmError
@@ -333,12 +334,20 @@ def lags(monkeypatch):
         asked.append((channel, every, near))
         return LAGS[channel]
 
-    def validate(airframe, channel, fitted):
-        assert fitted == LAGS[channel]
+    def validate(fits, checks, fitted):
+        assert (fits, checks) == ("fits", "checks") and fitted in LAGS.values()
         return SimpleNamespace(first_order_rms=0.0456, second_order_rms=0.0123)
+
+    def choose(channel, fits, checks):
+        assert (fits, checks) == ("fits", "checks")
+        values = {"radps": 1.23456, "damping": 0.7, "delay_s": 0.1}
+        best = FittedModel("second order", values, {"radps": 1.1}, {"radps": 1.4}, 0.02, 0.0346)
+        return best, [best]
 
     monkeypatch.setattr(remaking, "identify", identify)
     monkeypatch.setattr(remaking, "validate", validate)
+    monkeypatch.setattr(remaking, "flown_data", lambda airframe, channel: ("fits", "checks"))
+    monkeypatch.setattr(remaking, "choose", choose)
     monkeypatch.setattr(remaking, "flown", lambda airframe: [20.5, 0.25, -0.125])
     return asked
 
@@ -374,6 +383,18 @@ def test_lags_of_another_autopilot_are_written_to_its_file_with_their_errors(lag
     assert made.path == load(folder).folder / "autopilots" / "px4.toml"
     table = tomllib.loads(made.text)["identified"]["zeta"]
     assert (table["validation_rms"], table["second_order_rms"]) == (0.046, 0.012)
+    assert table["best"] == {
+        "kind": "second order",
+        "validation_rms": 0.035,
+        "values": {"radps": 1.235, "damping": 0.7, "delay_s": 0.1},
+        "low": {"radps": 1.1},
+        "high": {"radps": 1.4},
+    }
+    # what is written is read, and written again it is replaced
+    made.write()
+    again = load(f"{folder}@px4")
+    assert again.identified.zeta.best.kind == "second order"
+    assert remade_lags(again).text == made.text
     # What else the file says stays; where there is no file yet, it holds the lags alone.
     other = folder / "autopilots" / "px4.toml"
     other.write_text("# mine\n[parameters]\n")

@@ -11,7 +11,7 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
@@ -72,6 +72,27 @@ class Speeds(Strict):
         return min(self.step_mps or most, most)
 
 
+class Best(Strict):
+    """The model of a channel that predicts other steps best: see `aircraft.autopilots.channel_family`."""
+
+    kind: Literal["first order", "short turn", "second order", "tracked loop"]
+    validation_rms: Annotated[float, Field(ge=0)] = Field(
+        description="rms error on steps that were not fitted, as a share of the step"
+    )
+    values: dict[str, Positive] = Field(description="the model's parameters")
+    low: dict[str, Positive] = Field({}, description="lower end of each parameter's 90 % interval")
+    high: dict[str, Positive] = Field({}, description="upper end; absent where no step shows the parameter")
+
+    @model_validator(mode="after")
+    def within(self) -> Best:
+        if self.low.keys() != self.high.keys():
+            raise ValueError("low and high are of the same parameters")
+        for name in self.low:
+            if not self.low[name] <= self.values.get(name, math.nan) <= self.high[name]:
+                raise ValueError(f"low, values and high of {name} must be in this order")
+        return self
+
+
 class Channel(Strict):
     """One command channel as the lagged kinematic plant sees it."""
 
@@ -89,6 +110,7 @@ class Channel(Strict):
     second_order_rms: Finite | None = Field(
         None, description="the same of a second-order lag, for comparison"
     )
+    best: Best | None = Field(None, description="the best of a family of models, with its uncertainty")
 
 
 class Fitted(Strict):

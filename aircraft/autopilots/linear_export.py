@@ -105,6 +105,8 @@ def _unit(name: str) -> str:
     if core in _MOTION:
         rated = {"m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2"}
         return rated[_MOTION[core]] if core != name else _MOTION[core]
+    if core == "height":
+        return "m"
     if name.endswith(("_moved", "_lag", "_probe")):
         return _NORM
     if "/" in name:
@@ -122,7 +124,7 @@ def exported(airframe: Airframe, v: float) -> dict[str, Any]:
     level = {name: float(x) for name, x in zip(STATES, point.trim, strict=True)}
     level |= {f"{name}_norm": float(point.memory[f"{name}_norm"]) for name in model.loops}
     level |= {name: float(point.memory[name]) for name in COMMANDS}
-    about = {
+    about: dict[str, Any] = {
         "format": FORMAT,
         "aircraft": airframe.name,
         "autopilot": airframe.fit,
@@ -130,6 +132,8 @@ def exported(airframe: Airframe, v: float) -> dict[str, Any]:
         "speed_mps": v,
         "level_flight": level,
     }
+    if model.frames is not None:
+        about["note"] = "channels that run every few periods count as running in each: see the guide"
     return about | {name: system.as_dict() for name, system in systems(model).items()}
 
 

@@ -14,10 +14,11 @@ from pathlib import Path
 from aircraft.airframes.editing import replace_tables, set_values
 from aircraft.airframes.provenance import fitted_fingerprint, identified_fingerprint
 from aircraft.airframes.schema import INVERTING, OTHERS, Airframe
+from aircraft.autopilots.channel_family import FittedModel, choose
 from aircraft.autopilots.feedforward import feedforward
 from aircraft.autopilots.freshness import flown
 from aircraft.autopilots.identification import CHANNELS, identify
-from aircraft.autopilots.validation import validate
+from aircraft.autopilots.validation import flown_data, validate
 from aircraft.equations.catalogue import xml_of
 from aircraft.jsbsim.steady import Trim
 
@@ -80,14 +81,26 @@ def remade_lags(
         found += f"\n[identified.{channel}]\ntime_constant_s = {time_constant:.3f}\ndelay_s = {delay:.3f}\n"
         found += f"rate_min = {-falls:.3g}\nrate_max = {rises:.3g}\n"
         if airframe.fit != INVERTING:
-            errors = validate(airframe, channel, (time_constant, delay, falls, rises))
+            fits, checks = flown_data(airframe, channel)
+            errors = validate(fits, checks, (time_constant, delay, falls, rises))
             found += f"validation_rms = {errors.first_order_rms:.3f}\n"
             found += f"second_order_rms = {errors.second_order_rms:.3f}\n"
+            found += _best(channel, choose(channel, fits, checks)[0])
     path = airframe.gains_file or airframe.folder / "airframe.toml"
     if airframe.variant and airframe.gains_file is None:
         path = airframe.folder / OTHERS / f"{airframe.fit}.toml"
     before = path.read_text(encoding="utf-8") if path.is_file() else ""
     return Remade(path, replace_tables(before, "identified", found).lstrip("\n"), found)
+
+
+def _best(channel: str, chosen: FittedModel) -> str:
+    """The table of the best model of a channel, with the intervals of its parameters."""
+    made = f'\n[identified.{channel}.best]\nkind = "{chosen.kind}"\n'
+    made += f"validation_rms = {chosen.validation:.3f}\n"
+    for name, numbers in (("values", chosen.values), ("low", chosen.low), ("high", chosen.high)):
+        if numbers:
+            made += f"{name} = {{ {', '.join(f'{k} = {v:.4g}' for k, v in numbers.items())} }}\n"
+    return made
 
 
 def _provenance(verb: str, airframe: Airframe, fingerprint: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aircraft.airframes.schema import Airframe
+from aircraft.autopilots.channel_models import Steps
 from aircraft.autopilots.identification import (
     CHANNELS,
     DT_S,
@@ -43,51 +44,51 @@ def held_out(airframe: Airframe, channel: str) -> list[Step]:
     return [(v, 0.0, (v, 0.0, min(share * climb_rate(airframe.speeds), most))) for v, share in climbs]
 
 
-def validate(airframe: Airframe, channel: str, fitted: tuple[float, float, float, float]) -> Validation:
-    """How well both models predict the held-out steps of a channel.
+def flown_data(airframe: Airframe, channel: str) -> tuple[Steps, Steps]:
+    """The steps that are fitted and the held-out ones, flown. Raises FdmError as `identify` does."""
+    fits, checks = (
+        _data(airframe, channel, flights)
+        for flights in (steps_for(airframe, channel), held_out(airframe, channel))
+    )
+    return fits, checks
+
+
+def validate(fits: Steps, checks: Steps, fitted: tuple[float, float, float, float]) -> Validation:
+    """How well both models predict the held-out steps `checks` of a channel.
 
     fitted  time constant, delay [s], largest fall and rise, as `identification.identify` gives them
-    Raises  FdmError if the airframe cannot fly level at the speeds of the steps
     """
     from scipy.optimize import minimize
 
-    index, dt = CHANNELS.index(channel), _EVERY * DT_S
-    fits, checks = steps_for(airframe, channel), held_out(airframe, channel)
-    before, after, flown = _data(flown_steps(airframe, channel, fits), fits, index)
-
     def misfit(logs: Array) -> float:
         radps, damping, delay = np.exp(logs).tolist()
-        modelled = _second_order(before, after, radps, damping, delay, flown.shape[1], dt)
-        return _rms(modelled, flown, before, after)
+        return _rms(_second_order(fits, radps, damping, delay), fits)
 
     starts = ([1.0, 0.7, 0.1], [5.0, 0.9, 0.1])
     found = [minimize(misfit, np.log(s), method="Nelder-Mead", options={"maxfev": 200}) for s in starts]
     radps, damping, delay = np.exp(min(found, key=lambda f: float(f.fun)).x).tolist()
-    before, after, flown = _data(flown_steps(airframe, channel, checks), checks, index)
-    n = flown.shape[1]
-    return Validation(
-        _rms(model(before, after, *fitted, n, dt), flown, before, after),
-        _rms(_second_order(before, after, radps, damping, delay, n, dt), flown, before, after),
-    )
+    first = model(checks.before, checks.after, *fitted, checks.flown.shape[1], checks.dt)
+    return Validation(_rms(first, checks), _rms(_second_order(checks, radps, damping, delay), checks))
 
 
-def _data(flown: Array, flights: list[Step], index: int) -> tuple[Array, Array, Array]:
+def _data(airframe: Airframe, channel: str, flights: list[Step]) -> Steps:
+    index = CHANNELS.index(channel)
     before = np.array([b for _, b, _ in flights], dtype=float)
     after = np.array([c[index] for _, _, c in flights], dtype=float)
-    return before, after, flown[:, _EVERY - 1 :: _EVERY]
+    flown = flown_steps(airframe, channel, flights)
+    return Steps(before, after, flown[:, _EVERY - 1 :: _EVERY], _EVERY * DT_S)
 
 
-def _rms(modelled: Array, flown: Array, before: Array, after: Array) -> float:
-    return float(np.sqrt(np.mean(((modelled - flown) / np.abs(after - before)[:, None]) ** 2)))
+def _rms(modelled: Array, steps: Steps) -> float:
+    return float(np.sqrt(np.mean(steps.errors(modelled) ** 2)))
 
 
-def _second_order(
-    before: Array, after: Array, radps: float, damping: float, delay: float, n: int, dt: float
-) -> Array:
-    """n periods of a step (S,) through a second-order lag behind a delay: (S, n)."""
+def _second_order(steps: Steps, radps: float, damping: float, delay: float) -> Array:
+    """A second-order lag behind a delay, period by period: (S, n)."""
+    before, after, dt = steps.before, steps.after, steps.dt
     x, rate = np.zeros(len(before)), np.zeros(len(before))
-    out = np.empty((len(before), n))
-    for k in range(n):
+    out = np.empty(steps.flown.shape)
+    for k in range(len(out.T)):
         heard = min(max((k + 1) * dt - delay, 0.0) / dt, 1.0)
         rate = (rate + heard * dt * radps * radps * (1.0 - x)) / (1.0 + 2.0 * damping * radps * dt)
         x = x + dt * rate

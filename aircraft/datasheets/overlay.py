@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from aircraft.airframes.schema import Airframe
-from aircraft.airframes.sensors import silent
+from aircraft.airframes.sensors import sensors_of
 from aircraft.autopilots.linear_autopilot import loops
 from aircraft.autopilots.linear_model import linear_or_none
 from aircraft.autopilots.margins import (
@@ -23,7 +23,6 @@ from aircraft.autopilots.margins import (
 from aircraft.autopilots.specification import climb_max, climb_rate, steps_of, turn_rate
 from aircraft.autopilots.stability import flown_oscillation, unstable_modes
 from aircraft.autopilots.tuning import Flight, Score, fly, score
-from aircraft.equations.catalogue import of_airframe
 from aircraft.jsbsim.errors import FdmError
 
 FREQUENCY_RADPS = np.geomspace(0.1, 300.0, 400)
@@ -36,8 +35,6 @@ SHOWN_BY = {
 }
 CHANNELS = ("v", "omega", "zeta")
 _SPEED_STEP_MPS, _CLIMB_STEP_MPS = 2.0, 2.0
-# Channels that run less often than every so many periods are not what the linear model counts them as.
-_SLOW_PERIODS = 8
 _DT_S = 0.005
 
 
@@ -128,17 +125,15 @@ def _answers(
 def _loops(airframe: Airframe, v: float) -> tuple[str, dict[str, Loop]]:
     """Why the closed loop is unstable, or nothing, and every loop at v [m/s].
 
-    Noise of sensors and the dead band of servos are left out: they hide an impulse, and never decay.
+    Behind sensors that are not perfect the loops are measured.
     """
-    airframe = airframe.model_copy(update={"sensors": silent(airframe.sensors)})
-    model = linear_or_none(airframe, v, _DT_S)
-    slow = any(c.periods(_DT_S) > _SLOW_PERIODS for c in of_airframe(airframe).channels)
-    modes = [] if model is None or slow else unstable_modes(model, v)
+    model = linear_or_none(airframe, v, _DT_S) if sensors_of(airframe.sensors).perfect else None
+    modes = [] if model is None else unstable_modes(model, v)
     worst = modes[0] if modes else flown_oscillation(airframe, v, _DT_S)
     found = {}
     for name in loops(airframe):
         # The engine's own lag is not in the linear model.
-        if model is None or slow or (name == "throttle" and model.point.engine_lag):
+        if model is None or (name == "throttle" and model.point.engine_lag):
             transfer = response(airframe, v, name, _DT_S)
             at = None if worst else margins(transfer)
             found[name] = Loop(v, transfer, at, flown=True)

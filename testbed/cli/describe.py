@@ -189,5 +189,7 @@ def linear(
         if isinstance(system, dict) and "A" in system
     ]
     show_table(f"Linear model of {airframe.title} under {airframe.fit} at {v:g} m/s", rows)
+    if "note" in content:
+        print(f"note: {content['note']}")
     if out is not None:
         print(f"linear model: {out}")

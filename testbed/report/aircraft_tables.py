@@ -206,7 +206,12 @@ def identified(sheet: Datasheet) -> Rows:
             "slowest": f"{least * scale:.3g} {unit}",
             "fastest": f"{(c.rate_max or math.inf) * scale:.3g} {unit}",
         }
-        rows.append(row | limits)
+        best = (
+            {}
+            if c.best is None
+            else {"best model": f"{c.best.kind}, off by {100 * c.best.validation_rms:.1f} %"}
+        )
+        rows.append(row | limits | best)
     return rows
 
 

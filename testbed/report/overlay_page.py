@@ -52,12 +52,13 @@ def shown(found: Sequence[Compared]) -> list[dict[str, Any]]:
 
     made = []
     for row in rows(found):
-        listed = {"loop": row["loop"], "airframe": row["airframe"], "v": row["v_mps"]}
-        for name, form in (("gain_db", ".1f"), ("phase_deg", ".0f"), ("disk", ".2f"), ("crossover", ".2g")):
-            listed[name] = f"{row[name]:{form}}" if row["stable"] else "unstable"
-        listed |= {"of": row["transfer"], "step": row.get("step")}
-        listed["t63 s"] = f"{row['t63']:.2f}" if "t63" in row else ""
-        listed["overshoot %"] = f"{100 * row['overshoot']:.0f}" if "overshoot" in row else ""
+        listed = {"loop": row["loop"], "airframe": row["airframe"], "m/s": row["v_mps"]}
+        margins = {"dB": ("gain_db", ".1f"), "deg": ("phase_deg", ".0f"), "disk": ("disk", ".2f")}
+        for head, (name, form) in (margins | {"rad/s": ("crossover", ".2g")}).items():
+            listed[head] = f"{row[name]:{form}}" if row["stable"] else "unstable" if head == "dB" else ""
+        listed["by"] = "flight" if row["transfer"] == "flown" else "model"
+        if "t63" in row:
+            listed |= {"t63 s": f"{row['t63']:.2f}", "over %": f"{100 * row['overshoot']:.0f}"}
         made.append(listed)
     return made
 
