@@ -109,6 +109,40 @@ def _at(origin: Origin, place: np.ndarray) -> tuple[float, float, float]:
     return degrees(latitude), degrees(longitude), height
 
 
+@pytest.mark.parametrize(
+    ("format_", "unit"), [("csv", "m"), ("csv", "km"), ("table", "ft"), ("table", "nmi")]
+)
+def test_a_table_gives_back_its_geometry_in_any_unit(tmp_path: Path, format_: str, unit: str) -> None:
+    metres = {"m": 1.0, "km": 1000.0, "ft": FT, "nmi": 1852.0}[unit]
+    names = ("x", "y", "z") if format_ == "csv" else ("east", "north", "alt")
+    t = np.cumsum(np.random.default_rng(1).uniform(0.3, 2.0, 30))
+    true = [
+        np.stack([40 * t, 300 * np.sin(t / 9), 3 * t], axis=-1),
+        np.stack([2000 - 30 * t, 50 + 2 * t, 40 - t], axis=-1),
+    ]
+    lines = [",".join(["vehicle", "t_min", *(f"{name}_{unit}" for name in names)])]
+    for k, rows in enumerate(true):
+        lines += [",".join(map(str, (k, at / 60, *(row / metres)))) for at, row in zip(t, rows, strict=True)]
+    (e,) = read_text(tmp_path, "\n".join(lines), format_)
+    one = made(e, Choices(others="filter"))
+    k_ = 20 / e.aircraft[0].speed
+    for number, rows in enumerate(true, 1):
+        back = one.tracks[f"tracks/e-{number}.csv"] / [k_, k_**2, k_**2, k_**2]
+        assert back[:, 0] == pytest.approx(t - t[0], abs=1e-3)
+        assert back[:, 1:] == pytest.approx(rows - true[0][0], abs=1e-3)
+
+
+def test_an_intruder_that_keeps_its_course_keeps_its_climb_rate() -> None:
+    (e,) = read([EXAMPLES / "crossing.daa"], "daa")
+    s = made(e, Choices(others="keep-course")).scenario()
+    guidance = s.vehicle[1].guidance
+    assert guidance is not None and guidance.kind == "track"
+    (_, *first), (last, *end) = guidance.rows  # type: ignore[union-attr]
+    k = 20 / (100 * KNOT)
+    climb = 300 * FT / 60 * k
+    assert np.array(end) - first == pytest.approx(np.array([0, 90 * KNOT * k, climb]) * last, abs=1e-3)
+
+
 def test_the_importer_measures_as_a_sphere_does_over_a_short_way(tmp_path: Path) -> None:
     """One minute of latitude is 1,852 m and 0.2 % at 45 degrees, a minute of longitude cos(45 deg) of it."""
     text = DAA + "".join(

@@ -13,6 +13,7 @@ interval  := "[" seconds "," (seconds | "end") "]"
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import isfinite
 
@@ -40,6 +41,7 @@ _WORDS = {"&&": "and", "&": "and", "||": "or", "|": "or", "!": "not", "->": "imp
 WORDS = ("always", "eventually", "until", "and", "or", "not", "implies", "abs", "end")
 LONGEST = 1000
 MOST_DEPTH = 50
+_Read = Callable[[], Formula | Expression]
 _EXAMPLE = '"always[0,20](distance_m > 5)"'
 
 
@@ -121,11 +123,12 @@ class _Parser:
     def _both(self) -> Formula | Expression:
         return self._joined("and", And, self._until)
 
-    def _joined(self, word: str, kind, one) -> Formula | Expression:  # type: ignore[no-untyped-def]
-        found = [one()]
+    def _joined(self, word: str, kind: type[And] | type[Or], one: _Read) -> Formula | Expression:
+        first, parts = one(), list[Formula]()
         while token := self._take(word):
-            found = [self._formula_of(found[0], token), *found[1:], self._formula_of(one(), token)]
-        return found[0] if len(found) == 1 else kind(tuple(found))
+            parts = parts or [self._formula_of(first, token)]
+            parts.append(self._formula_of(one(), token))
+        return kind(tuple(parts)) if parts else first
 
     def _until(self) -> Formula | Expression:
         left = self._unary()
@@ -190,7 +193,7 @@ class _Parser:
     def _product(self) -> Formula | Expression:
         return self._chain(("*", "/"), self._factor)
 
-    def _chain(self, signs: tuple[str, ...], one) -> Formula | Expression:  # type: ignore[no-untyped-def]
+    def _chain(self, signs: tuple[str, ...], one: _Read) -> Formula | Expression:
         found = one()
         while token := self._take(*signs):
             both = (self._number_of(found, token), self._number_of(one(), token))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbed.errors import LISTED, UserError, nearest, short
+from testbed.errors import UserError, nearest, short
 from testbed.requirements.formula import (
     Always,
     And,
@@ -18,7 +18,7 @@ from testbed.requirements.formula import (
     Until,
     columns,
 )
-from testbed.requirements.quantities import FENCE, PAIR, QUANTITIES, Quantity
+from testbed.requirements.quantities import FENCE, PAIR, QUANTITIES
 
 
 def check(of: Formula, text: str) -> str:
@@ -28,7 +28,7 @@ def check(of: Formula, text: str) -> str:
     """
     where = f"requirement {short(text)!r}"
     for column in columns(of):
-        known(column, where)
+        _check_known(column, where)
     kinds = {QUANTITIES[c.name].of for c in columns(of)}
     if kinds >= {FENCE, PAIR}:
         raise UserError(
@@ -40,12 +40,10 @@ def check(of: Formula, text: str) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
-def known(column: ColumnName, where: str) -> Quantity:
+def _check_known(column: ColumnName, where: str) -> None:
     if column.name not in QUANTITIES:
-        raise UserError(
-            f"{where}: no column {short(column.name)!r} at letter {column.at}; {_nearest(column.name)}"
-        )
-    return QUANTITIES[column.name]
+        said = f"no column {short(column.name)!r} at letter {column.at}"
+        raise UserError(f"{where}: {said}; {_nearest(column.name)}")
 
 
 def _nearest(name: str) -> str:
@@ -56,7 +54,6 @@ def _nearest(name: str) -> str:
             if f" {close} " in said.replace("?", " ?") and (unit := QUANTITIES[close].unit):
                 said = said.replace("?", " ?").replace(f" {close} ", f" {close} [{unit}] ").replace(" ?", "?")
         return said
-    assert len(QUANTITIES) < 2 * LISTED
     return said
 
 
