@@ -125,11 +125,9 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
         if there:
             raise UserError(f"filter.kind: 'flow' knows no {what}; 'centralised' and 'limited' do")
     # It works on what each knows of itself: with a late or lost packet it would know more than a vehicle can.
-    for name, there in (("latency_s", s.network.latency_s), ("loss", s.network.loss)):
-        if there:
-            raise UserError(
-                f"network.{name}: the filter 'flow' needs poses and commands at once; set it to 0"
-            )
+    for name in ("latency_s", "loss"):
+        if getattr(s.network, name):
+            raise UserError(f"network.{name}: the filter 'flow' needs poses and commands at once; set 0")
     gamma = b.manoeuvre(s.vehicles)
     if gamma is None:
         raise UserError("filter.kind: 'flow' needs one evading manoeuvre, and this barrier has none for all")
