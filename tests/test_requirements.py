@@ -237,7 +237,8 @@ def test_a_wrong_requirement_is_refused_in_one_line(text: str, said: str) -> Non
 
 @pytest.fixture(scope="module")
 def flown() -> testbed.Run:
-    return testbed.run(recorded_at_every_step(load("paper-2-turn", ["filter_dt_s=0.05", "record_dt_s=1"])))
+    quick = ["fdm_dt_s=0.05", "filter_dt_s=0.05", "record_dt_s=1", "manoeuvre_instants=0"]
+    return testbed.run(recorded_at_every_step(load("paper-2-turn", quick)))
 
 
 def test_the_robustness_of_a_run_is_that_of_its_tables(flown: testbed.Run) -> None:
@@ -278,10 +279,9 @@ def test_a_column_without_a_value_leaves_the_requirement_open(flown: testbed.Run
     assert both.status == "violated" and both.vehicles == (1, 2)
 
 
-def test_a_run_that_ended_early_may_be_violated_met_or_open() -> None:
+def test_a_run_that_ended_early_may_be_violated_met_or_open(flown: testbed.Run) -> None:
     """Cut off at 10 s of 20: the pair has met, at its least distance, and nobody is at the goal yet."""
-    s = load("paper-2-turn", ["filter_dt_s=0.05", "record_dt_s=0.05", "manoeuvre_instants=0"])
-    run = testbed.run(s)
+    run = flown
     whole = run.pairs.distance_m
     seen = {
         name: {c: v[: len(v) * 200 // 401] for c, v in columns.items()}
@@ -330,14 +330,31 @@ def test_the_guide_lists_every_column() -> None:
         assert f"`{name}`" in page and name in QUANTITIES
 
 
-def test_falsify_searches_the_least_robustness(tmp_path: Path, call: Callable[..., int]) -> None:
+def test_falsify_searches_the_least_robustness(
+    tmp_path: Path, call: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     import json
     import tomllib
 
+    from testbed.studies.falsify import figures
+
+    # Drawing takes longer than the search; the guide's page draws.
+    for name in ("margins", "counterexample"):
+        monkeypatch.setattr(figures, name, lambda *_: [])
+
     out = tmp_path / "found"
-    text = "always[0,3](vertical_m < 0.9)"  # heights may depart by 1 m
-    settings_ = ("--set", "filter_dt_s=0.05", "--set", "record_dt_s=0.05", "--set", "duration_s=3")
-    asked = ("falsify", "paper-2-turn", "--requirement", text, "--budget", 12, "--workers", 1, *settings_)
+    text = "always[0,0.5](vertical_m < 0.9)"  # heights may depart by 1 m
+    settings_ = (
+        "--set",
+        "fdm_dt_s=0.05",
+        "--set",
+        "filter_dt_s=0.05",
+        "--set",
+        "record_dt_s=0.05",
+        "--set",
+        "duration_s=0.5",
+    )
+    asked = ("falsify", "paper-2-turn", "--requirement", text, "--budget", 8, "--workers", 1, *settings_)
     assert call(*asked, "--out", out) == 0
     data = json.loads((out / "falsify.json").read_text())
     assert data["guarantee"] == text and data["violated"] and data["margin_unit"] == "m"
