@@ -89,12 +89,13 @@ def test_at_an_early_end_what_holds_is_void_but_premises() -> None:
 @pytest.mark.parametrize(
     ("possible", "radius", "bound", "dt", "would"),
     [
-        # The straight lines pass at 5.2, 0.2 above the bound; at half dt the radius is that much.
-        (4.4, 0.8, 5.0, 0.01, "fdm_dt_s <= 0.005 would do"),
-        (4.75, 0.25, 4.99985, 0.01, "fdm_dt_s <= 0.00024 would do"),  # sqrt(0.0006) = 0.02449
-        (4.9, 0.25, 5.0, 0.1, "fdm_dt_s <= 0.077 would do"),  # sqrt(0.6) = 0.7746, rounded down
-        (4.99, 0.02, 5.0, 0.02, "fdm_dt_s <= 0.014 would do"),  # sqrt(0.5) = 0.7071
-        (4.0, 1.0, 5.0, 0.02, "for example fdm_dt_s = 0.005"),  # the lines pass just at the bound
+        # The lines pass at 5.6 and the paths at 5.2 or more; at half dt the radius is those 0.2.
+        (4.8, 0.8, 5.0, 0.01, "fdm_dt_s <= 0.005 would do"),
+        (4.87515, 0.25, 5.0, 0.01, "fdm_dt_s <= 0.00024 would do"),  # sqrt(0.0006) = 0.02449
+        (4.9, 0.25, 5.0, 0.1, "fdm_dt_s <= 0.031 would do"),  # sqrt(0.1) = 0.3162, rounded down
+        (4.99, 0.08, 5.0, 0.02, "fdm_dt_s <= 0.012 would do"),  # sqrt(0.375) = 0.6124
+        (4.0, 2.0, 5.0, 0.02, "for example fdm_dt_s = 0.005"),  # the paths pass just at the bound
+        (4.0, 1.0, 5.0, 0.02, "for example fdm_dt_s = 0.005"),
         (4.0, 0.5, 5.0, 0.02, "for example fdm_dt_s = 0.005"),
         (4.0, 0.5, 5.0, 0.005, "for example fdm_dt_s = 0.0012"),
     ],
@@ -116,10 +117,11 @@ def test_paths_of_which_nothing_is_known_may_be_anywhere() -> None:
 @pytest.mark.parametrize("share", np.linspace(0.05, 0.95, 9))
 def test_the_period_that_would_do_does(share: float) -> None:
     """With the radius of that period the bound is kept, and with that of one a ninth longer it is not."""
-    line, radius, bound, dt = 5.0 + 0.3 * share, 0.3, 5.0, 0.01
+    radius, bound, dt = 0.3, 5.0, 0.01
+    line = bound + radius * (0.5 + share)  # and the paths themselves half a radius nearer
     said = float(finer(line - radius, radius, bound, dt).split("fdm_dt_s <= ")[1].split()[0])
-    assert line - radius * (said / dt) ** 2 >= bound - 1e-12
-    assert line - radius * (1.11 * said / dt) ** 2 < bound
+    assert line - radius * (0.5 + (said / dt) ** 2) >= bound - 1e-12
+    assert line - radius * (0.5 + (1.11 * said / dt) ** 2) < bound
 
 
 # A user's own filter

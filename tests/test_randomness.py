@@ -10,7 +10,7 @@ import pytest
 from testbed.campaigns.distinct import check_distinct, check_random, counted, distinct_results
 from testbed.errors import UserError
 from testbed.scenario.randomness import random_fields
-from testbed.scenario.scenario import load
+from testbed.scenario.scenario import load, parse
 
 # Overrides -> the fields that are named.
 RANDOM = {
@@ -49,6 +49,11 @@ def test_a_random_field_is_named(overrides: tuple[str, ...]) -> None:
 @pytest.mark.parametrize("overrides", STILL, ids=" ".join)
 def test_what_draws_nothing_is_not(overrides: tuple[str, ...]) -> None:
     assert random_fields(load("paper-2-turn", list(overrides))) == []
+
+
+def test_random_goals_are_random() -> None:
+    drawn = load("paper-2-turn").model_dump(mode="json") | {"start": {"pattern": "random-goals"}}
+    assert random_fields(parse(drawn)) == ["start.pattern"]
 
 
 def test_gusts_move_no_unicycle_over_the_ground() -> None:
