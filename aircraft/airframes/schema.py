@@ -11,10 +11,11 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from aircraft.airframes.best_model import Best
 from aircraft.airframes.sensors import label, sensors_of
 from aircraft.airframes.setup import Engines, Finite, Positive, Setup, Strict, is_property
 
@@ -70,27 +71,6 @@ class Speeds(Strict):
     def step(self, most: float) -> float:
         """The change of speed [m/s] that a step asks for: what the airframe sustains, at most `most`."""
         return min(self.step_mps or most, most)
-
-
-class Best(Strict):
-    """The model of a channel that predicts other steps best: see `aircraft.autopilots.channel_family`."""
-
-    kind: Literal["first order", "short turn", "second order", "tracked loop"]
-    validation_rms: Annotated[float, Field(ge=0)] = Field(
-        description="rms error on steps that were not fitted, as a share of the step"
-    )
-    values: dict[str, Positive] = Field(description="the model's parameters")
-    low: dict[str, Positive] = Field({}, description="lower end of each parameter's 90 % interval")
-    high: dict[str, Positive] = Field({}, description="upper end; absent where no step shows the parameter")
-
-    @model_validator(mode="after")
-    def within(self) -> Best:
-        if self.low.keys() != self.high.keys():
-            raise ValueError("low and high are of the same parameters")
-        for name in self.low:
-            if not self.low[name] <= self.values.get(name, math.nan) <= self.high[name]:
-                raise ValueError(f"low, values and high of {name} must be in this order")
-        return self
 
 
 class Channel(Strict):
