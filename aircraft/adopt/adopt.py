@@ -13,7 +13,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from numpy.linalg import LinAlgError
@@ -25,7 +25,7 @@ from aircraft.adopt.rig import Rig
 from aircraft.adopt.scoring import cases, disk_margins, flown
 from aircraft.adopt.search import search
 from aircraft.adopt.skeleton import write
-from aircraft.adopt.verdict import REFUSED, Verdict, judge
+from aircraft.adopt.verdict import REFUSED, REMARKS, Verdict, judge
 from aircraft.autopilots.remaking import remade_lags
 from aircraft.jsbsim.errors import FdmError
 from aircraft.jsbsim.steady import Trim
@@ -75,7 +75,11 @@ def adopt(name_or_path: str, folder: Path, say: Callable[[str], None]) -> Verdic
         verdict = judge(scored, disks)
         if verdict.flies:
             say("lags: identified on steps")
-            remade_lags(airframe, lambda what: None, _EVERY, near).write()
+            try:
+                remade_lags(airframe, lambda what: None, _EVERY, near).write()
+            except FdmError as error:  # it flies; what predicts by lags says that there are none
+                said = f"its lags are not identified: {' '.join(str(error).split())}"
+                verdict = replace(verdict, kind=REMARKS, remarks=(*verdict.remarks, said))
     except FdmError as error:
         raise AdoptionError("steps", " ".join(str(error).split())) from None
     (folder / "README.md").write_text(readme(model, name_or_path, scored, disks, verdict), encoding="utf-8")

@@ -82,11 +82,16 @@ def _held(model: Model, scales: Scales, near: Near) -> Scales:
 
 
 def _lowered(model: Model, scales: Scales, loop: str, name: str, near: Near) -> Scales:
-    """Lower a feedback until its loop has the disk margin."""
+    """Lower a feedback until its loop has the disk margin, while that helps: some are unstable without."""
+    margin = _margin(model, scales, loop, near)
     for _ in range(_MOST_HELD):
-        if _margin(model, scales, loop, near) >= _HELD:
+        if margin >= _HELD:
             break
-        scales = replace(scales, **{name: _SLOWER * getattr(scales, name)})
+        lower = replace(scales, **{name: _SLOWER * getattr(scales, name)})
+        before, margin = margin, _margin(model, lower, loop, near)
+        if margin <= before:
+            break
+        scales = lower
     return scales
 
 
