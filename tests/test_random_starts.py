@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import testbed
-from filters.model import Array
+from filters.model import Array, Command, View
 from testbed.components import catalogue
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
@@ -40,6 +40,19 @@ def test_every_pair_starts_well_inside_the_safe_set_and_goals_are_far(
     data = s.model_dump(mode="json")
     assert np.array_equal(again.goals(data), goal)
     assert again.start(data).position == pytest.approx(state.position, abs=1e-9)
+
+
+def test_a_draw_with_room_begins_in_the_set_of_the_flow_filter_and_one_without_may_not() -> None:
+    for seed, least, inside in ((2001, 4.0, False), (2001, 25.0, True), (2005, 25.0, True)):
+        lagged = ["plant=lagged", "lags.source=airframe", "filter.kind=flow", "margin_m=2"]
+        s = load("random-goals", [*lagged, f"seed={seed}", f"start_h_m={least}"])
+        state, goal = places(s, generators(seed)["start"])
+        chosen = catalogue.filter_(s, catalogue.barrier(s), goal)
+        level, speeds = np.zeros(20), np.full(20, 20.0)
+        rates = Command(speeds, level, level)
+        chosen(View(state, rates), rates, catalogue.limits(s))
+        clear = chosen.record.checks["flow_clear"].worst  # type: ignore[attr-defined]
+        assert (clear >= 0.0) == inside, (seed, least, clear)  # -6.4, 21.7 and 11.4 m
 
 
 def test_the_seed_alone_draws_and_a_draw_of_fewer_is_the_begin_of_a_draw_of_more() -> None:
