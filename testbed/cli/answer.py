@@ -28,7 +28,7 @@ def answer(
     ] = "x8,rascal",
     vehicles: Annotated[str, typer.Option("--vehicles", help="2, 20 or both")] = "2,20",
     only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="NAME", help="fly only this remedy; may be repeated")
+        list[str] | None, typer.Option("--only", metavar="NAME", help="fly this remedy; may be repeated")
     ] = None,
     set_: SetOption = None,
     out: OutOption = None,

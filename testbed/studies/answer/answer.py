@@ -48,7 +48,9 @@ REMEDIES: dict[str, Fields] = {
         "alpha.kind": "linear",
         "alpha.coefficient": 0.3,
     },
+    "0.8 s ahead, +0.5 m": {"remedy.prediction_s": 0.8, "remedy.ds_buffer_m": 0.5},
 }
+USUAL = tuple(REMEDIES)[:5]
 
 
 def d_safe_m() -> float:
@@ -64,13 +66,13 @@ def cases(
 ) -> dict[Case, Scenario]:
     """(vehicle, number, weather, remedy) -> scenario; the unicycle first, in calm air and without remedy.
 
-    only     names of the remedies to fly; empty flies all
+    only     names of the remedies to fly; empty flies the USUAL
     changes  of every scenario, as --set takes them
     Raises   UserError for a remedy that there is not
     """
     if unknown := [name for name in only if name not in REMEDIES]:
         raise UserError(f"--only {unknown[0]!r}: unknown remedy; {nearest(unknown[0], REMEDIES)}")
-    chosen = {name: fields for name, fields in REMEDIES.items() if not only or name in only}
+    chosen = {name: fields for name, fields in REMEDIES.items() if name in (only or USUAL)}
     made: dict[Case, Scenario] = {}
     for n in vehicles:
         name, *more = FLEETS[n]

@@ -29,7 +29,7 @@ def answer(
     """The central table: runs.csv (a row per run), answer.csv, answer.md, figure.
 
     vehicles  numbers of vehicles, and the seeds of each
-    only      names of the remedies to fly; empty flies all
+    only      names of the remedies to fly; empty flies the usual ones
     changes   of every scenario, as --set takes them
     """
     check_free(out, overwrite)
