@@ -177,3 +177,18 @@ def test_qgroundcontrols_parameter_file_is_read(tmp_path: Path) -> None:
     )
     found = read_parameters(file, equations_of(load("x8@px4")).parameters)
     assert found.values == {"FW_R_TC": pytest.approx(0.3)} and found.unused == ["SYS_ID"]
+
+
+def test_a_run_that_predicts_poses_says_by_which_lags(
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = ["--set", "remedy.predict_lags=true", "--set", 'airframes=["x8@px4@typical", "x8"]']
+    flags += ["--set", "duration_s=0.1", "--plant", "jsbsim", "--out", str(tmp_path / "run")]
+    call("run", "paper-2-turn", *flags)
+    said = " ".join(capsys.readouterr().out.split())
+    for name in ("x8@px4@typical", "x8"):
+        known = load(name).identified
+        assert known is not None
+        v = f"v {known.v.time_constant_s:.2f} + {known.v.delay_s:.2f} s"
+        assert f"poses of {name} predicted by time constant + delay: {v}, omega" in said
+    assert said.count("too slowly") == 1  # PX4's speed channel, not the inverting autopilot's
