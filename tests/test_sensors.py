@@ -27,6 +27,7 @@ from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.jsbsim.geodesy import Origin
 from aircraft.jsbsim.rest import Start
 from filters.model import Command, State
+from testbed.studies.answer import answer as answers
 from testbed.studies.ladder import ladder as ladders
 from testbed.verification import recorded
 from testbed.verification.wording import wording
@@ -197,6 +198,20 @@ def test_the_guides_table_of_autopilots_follows_from_every_run_flown() -> None:
     runs = pd.read_csv(guide / "data" / "autopilots" / "ladder" / "runs.csv")
     made = ladders.summary(runs, ladders.autopilot_rungs(testbed.load_scenario("paper-2-turn")))
     pd.testing.assert_frame_equal(made[["rung", "lost", "distance_m"]], kept[["rung", "lost", "distance_m"]])
+
+
+@pytest.mark.parametrize("name", ["answer-2", "answer-20", "ahead-2"])
+def test_the_guides_tables_of_remedies_under_autopilots_follow_from_every_run_flown(name: str) -> None:
+    guide = Path(__file__).parent.parent / "docs" / "guide"
+    folder = guide / "data" / "autopilots" / name
+    made = answers.table(pd.read_csv(folder / "runs.csv"))
+    pd.testing.assert_frame_equal(made, pd.read_csv(folder / "answer.csv"))
+    assert answers.markdown(made) in (guide / "autopilots.md").read_text()
+    if name == "ahead-2":
+        assert (made.lost.sum(), made.runs.sum(), round(made.least_distance_m.min(), 2)) == (0, 80, 5.32)
+        for page in (guide / "answer.md", guide.parent.parent / "README.md"):
+            words = " ".join(page.read_text().split())
+            assert "0 of 80" in words and "least distance 5.32 m" in words
 
 
 @pytest.mark.parametrize("name", ["x8@arduplane", "x8@px4", "x8@typical", "rascal@arduplane", "rascal@px4"])
