@@ -29,6 +29,8 @@ RUNS = {
         "remedy.robust_v_mps=0.2",
     ],
     "monitored": [*SHORT, "filter.monitor=true"],
+    "flow": [*SHORT, "duration_s=3.5", "filter.kind=flow"],
+    "lossy": [*SHORT, "duration_s=3.5", "filter.kind=limited", "network.loss=0.2"],
     "lagged": [*SHORT, "plant=lagged", "lags.source=table", "omega_time_constant_s=0.4", "alpha.kind=linear"],
 }  # fmt: skip
 
@@ -219,6 +221,12 @@ FIELDS: dict[str, dict[str, Any]] = {
         "remedy.issf_epsilon": 20.0, "remedy.robust_v_mps": 0.0, "remedy.issf_omega_degps": 4.0,
         "filter.kind": "centralised", "checks.manoeuvre_instants": 3,
     },
+    # A filter that reports no h of what it saw; and fields that cannot be, beside the others.
+    "flow": {
+        "sensing.position_noise_m": 0.5, "sensing.delay_s": 0.1, "remedy.ds_buffer_m": 1.0,
+        "rates.filter_dt_s": 0.155, "schema_version": 3, "barrier.shared": False,
+    },
+    "lossy": {"network.loss": 0.3, "network.latency_s": 0.1},
     "lagged": {
         "lags.omega_time_constant_s": 0.5, "plant": "unicycle", "alpha.coefficient": 0.3,
     },

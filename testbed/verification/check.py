@@ -58,7 +58,7 @@ def check(folder: Path) -> Checked:
         run = departed.marked(replace(run, scenario=fleet.lowered(run.scenario)))
         findings = list(_findings(run))
         return Checked(findings, uncovered(run, findings))
-    except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
+    except (KeyError, TypeError, IndexError, AttributeError, ValueError, ArithmeticError) as error:
         raise UserError(f"{folder} is malformed: {type(error).__name__}: {error}") from None
 
 

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from testbed.claims.monitored import RECORDED
 from testbed.claims.registry import CLAIMS, COMMAND_LIMITS
+from testbed.errors import UserError
+from testbed.scenario.relevance import idle
+from testbed.scenario.scenario import parse
 from testbed.verification.coverage_table import (
     DETAILS,
     FENCES,
@@ -41,11 +45,14 @@ class Uncovered:
 def uncovered(run: Recorded, findings: Iterable[Finding]) -> list[Uncovered]:
     """The items of `run` that none of its findings decided."""
     by: dict[str, Finding] = {f.what: f for f in findings}
-    left = []
+    left, without = [], _idle(run)
     for name in items(run):
         checked = entry(name, run)
         if checked is None:
             continue  # named by the finding "fields"
+        if name in without:
+            left.append(Uncovered(name, "it had no effect on this run"))
+            continue
         looked = [by[what] for what in checked.by if what in by]
         if checked.needs is not None and not checked.needs(run):
             left.append(Uncovered(name, "it had no effect on this run"))
@@ -53,6 +60,14 @@ def uncovered(run: Recorded, findings: Iterable[Finding]) -> list[Uncovered]:
         if not any(f.agrees is not None for f in looked):
             left.append(Uncovered(name, next((f.why for f in looked if f.why), "") or checked.otherwise))
     return left
+
+
+def _idle(run: Recorded) -> set[str]:
+    """Fields of the scenario that another one leaves without effect."""
+    try:
+        return {f"scenario.{path}" for path in idle(parse(run.manifest["scenario"], keep_idle=True))}
+    except UserError:  # named by the finding "scenario"
+        return set()
 
 
 def items(run: Recorded) -> list[str]:
@@ -87,7 +102,7 @@ def entry(name: str, run: Recorded) -> Checked | None:
         "fences": FENCES.get,
         "manifest": MANIFEST.get,
         "timing": TIMING.get,
-        "scenario": _scenario,
+        "scenario": partial(_scenario, run),
     }
     if place in tables:
         return tables[place](rest)
@@ -102,9 +117,10 @@ def entry(name: str, run: Recorded) -> Checked | None:
     return Checked(tuple(what or finding for what in checked.by), checked.otherwise)
 
 
-def _scenario(path: str) -> Checked | None:
+def _scenario(run: Recorded, path: str) -> Checked | None:
     """By the field, or by its table."""
-    return SCENARIO.get(path) or SCENARIO.get(path.partition(".")[0] + ".")
+    found = SCENARIO.get(path) or SCENARIO.get(path.partition(".")[0] + ".")
+    return found.given(run) if found is not None and found.given is not None else found
 
 
 def _surfaces(run: Recorded) -> set[str]:

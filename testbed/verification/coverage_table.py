@@ -26,12 +26,14 @@ class Checked:
     otherwise  why it is not covered where none of them decides
     always     whether every run has it
     needs      whether it had an effect on the run; None: it always has
+    given      what checks it in that run, where that is not the same in all; None: this
     """
 
     by: tuple[str, ...]
     otherwise: str = ""
     always: bool = True
     needs: Callable[[Recorded], bool] | None = None
+    given: Callable[[Recorded], Checked] | None = None
 
 
 def _by(*names: str, otherwise: str = "not checked in this run") -> Checked:
@@ -188,10 +190,30 @@ def _scales(run: Recorded) -> bool:
 
 _ROWS = _by("minimal", otherwise="what the filter saw is not recorded")
 _FILTER = _by("h_filter_m", "solutions", otherwise="what the filter saw is not recorded")
+
+_LINKS = _by("h_filter_m", otherwise="what links delivered is not recorded")
+
+
+def _view(run: Recorded) -> Checked:
+    """What decides where the filter's view came from: its h, if it reports one."""
+    return _FILTER if _reports_h(run) else _no("the filter reports no h of what it saw")
+
+
+def _links(run: Recorded) -> Checked:
+    """Links to one filter for all show in its h; those to the vehicles' own filters only in their rows."""
+    if run.scenario["filter"]["kind"] == "limited":
+        return _ROWS
+    return _LINKS if _reports_h(run) else _view(run)
+
+
+def _reports_h(run: Recorded) -> bool:
+    return bool(np.isfinite(run.pairs.get("h_filter_m", np.empty(0))).any())
+
+
 _LABEL = _no("a label")
 # By field, or by table ("wind.").
 SCENARIO = {
-    "schema_version": _by("manifest"),
+    "schema_version": _by("scenario"),
     "name": _LABEL,
     "description": _LABEL,
     "vehicles": _by("rows"),
@@ -237,7 +259,7 @@ SCENARIO = {
         f"remedy.{name}": replace(_ROWS, needs=_altered)
         for name in ("issf_epsilon", "robust_v_mps", "robust_omega_degps", "robust_zeta_mps")
     },
-    "remedy.": _FILTER,
+    "remedy.": replace(_FILTER, given=_view),
     "wind.": _by("wind", "columns"),
     "gusts.intensity": _by("wind", otherwise="gusts are not computed again"),
     "gusts.sigma_mps": _by("wind", otherwise="gusts are not computed again"),
@@ -246,7 +268,7 @@ SCENARIO = {
     "sensing.range_m": _sometimes(_by("P7 range-is-enough")),
     "sensing.drift_time_s": _no("errors of sensors are not recorded"),
     "sensing.source": _no("errors of sensors are not recorded"),
-    "sensing.": _FILTER,
+    "sensing.": replace(_FILTER, given=_view),
     "network.stale": _no("what links delivered is not recorded"),
-    "network.": _by("h_filter_m", otherwise="what links delivered is not recorded"),
+    "network.": replace(_LINKS, given=_links),
 }

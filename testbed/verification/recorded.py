@@ -147,6 +147,8 @@ def read(folder: Path) -> Recorded:
         )
     except (KeyError, TypeError):
         raise UserError(f"{folder} holds no run: its manifest has no scenario") from None
+    except ArithmeticError:
+        raise UserError(f"{folder} is malformed: its scenario's periods do not fit each other") from None
     i, j = np.triu_indices(n, 1)
     vehicles = _table(folder, "vehicles", n, {"vehicle": np.arange(n) + 1})
     pairs = _table(folder, "pairs", i.size, {"i": i + 1, "j": j + 1}) if i.size else {}

@@ -9,6 +9,9 @@ from typing import Any
 from testbed.claims import registry
 from testbed.claims.monitored import RECORDED
 from testbed.claims.registry import Claim
+from testbed.errors import UserError
+from testbed.scenario.installed import PLANTS
+from testbed.scenario.scenario import parse
 from testbed.verification import coverage, fleet
 from testbed.verification.air import blows
 from testbed.verification.coverage_table import AIRCRAFT, DECLARED, WIND
@@ -26,6 +29,7 @@ def wording(run: Recorded) -> Iterator[Finding]:
     yield _unknown(run)
     yield _columns(run)
     yield _manifest(run)
+    yield _scenario(run)
 
 
 def _texts(run: Recorded) -> Finding:
@@ -93,6 +97,17 @@ def _manifest(run: Recorded) -> Finding:
     if m["seed_streams"] != STREAMS:
         wrong.append(f"seed_streams are {m['seed_streams']}")
     return _listed("manifest", "as written", "as due", wrong)
+
+
+def _scenario(run: Recorded) -> Finding:
+    """The scenario is one that can be flown: its fields fit each other, and its schema is a known one."""
+    try:
+        parse(run.manifest["scenario"], keep_idle=True)
+    except UserError as error:
+        if run.scenario["plant"] not in PLANTS:  # of an installed package: not everybody has it
+            return Finding("scenario", "as written", "unknown", None, None, "its plant is not installed here")
+        return _listed("scenario", "as written", "can be flown", [str(error).removeprefix("scenario: ")])
+    return _listed("scenario", "as written", "can be flown", [])
 
 
 def _called(due: set[str], named: set[str]) -> bool:
