@@ -62,6 +62,7 @@ def test_a_claim_without_data_is_not_applicable_in_the_scenarios_words() -> None
     assert among == "every vehicle under the filter passes its goal within 12.5 m before the run ends"
     assert registry.SAFE_SET.unjudged("squared", 1.0, True).claim == "h >= 0 for ever"
     assert registry.SAFE_SET.unjudged("squared", 1.0).unit == "m^2"
+    assert registry.SAFE_SET.unjudged("root", 1.0).unit == "m"
     assert registry.BARRIER_CONDITION.unjudged("squared", 1.0).unit == "m^2/s"
 
 
