@@ -92,8 +92,17 @@ def test_small_steps_of_the_closed_loop_are_those_of_a_flight(name: str) -> None
         assert np.abs(here - flown).max() < 0.04, (channel, np.abs(here - flown).max())
 
 
+def test_units_are_those_of_the_names_or_not_stated() -> None:
+    closed = exported(load("x8@arduplane"), 18.0)["closed_loop"]
+    units = dict(zip(closed["states"], closed["state_units"], strict=True))
+    said = {"height": "m", "p": "rad/s", "p_rate": "rad/s2", "north_rate": "m/s2"}
+    said |= {"ap_energy_rate_error": "not stated", "elevator_moved": "share of full deflection"}
+    assert {name: units[name] for name in said} == said
+
+
 def test_a_name_says_its_unit() -> None:
     said = {"turn_bandwidth_radps": "rad/s", "climb_integral_per_s2": "1/s2", "v_cmd_mps": "m/s"}
+    said |= {"sent_v_mps_2": "m/s", "share_1": ""}
     said |= {"zeta_jerk_ref_mps3": "m/s3", "turn_damping": "", "elevator_norm": "share of full deflection"}
     assert {name: unit_of(name) for name in said} == said
 

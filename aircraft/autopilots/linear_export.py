@@ -111,7 +111,7 @@ def _unit(name: str) -> str:
         return _NORM
     if "/" in name:
         return "load factor" if name.startswith("accelerations/N") else "as in JSBSim"
-    return unit_of(name) or "1"
+    return unit_of(name) or "not stated"
 
 
 def exported(airframe: Airframe, v: float) -> dict[str, Any]:

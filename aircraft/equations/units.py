@@ -32,5 +32,5 @@ _FORM = re.compile(rf"_({'|'.join(sorted(_ENDINGS, key=len, reverse=True))})$", 
 
 def unit_of(name: str) -> str:
     """The unit that a name ends with; nothing where it ends with none, as ratios do."""
-    found = _FORM.search(name)
+    found = _FORM.search(re.sub(r"_\d+$", "", name))  # the second place of a delay, sent_v_mps_2
     return _ENDINGS[found[1].lower()] if found else ""
