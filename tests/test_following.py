@@ -314,9 +314,9 @@ BAD = {
     "no course": ({"kind": "hold"}, r"guidance.course_deg: field required"),
     "of another kind": (
         {"kind": "hold", "course_deg": 0, "centre_m": [0, 0]},
-        r"guidance.centre_m: has no effect on guidance that holds a course; kind = 'loiter' takes it",
+        r"guidance.centre_m: has no effect on guidance that holds a course; kind = 'loiter' or 'roundabout'",
     ),
-    "unknown kind": ({"kind": "spiral"}, r"guidance.kind: input should be .* or 'track', got 'spiral'"),
+    "unknown kind": ({"kind": "spiral"}, r"guidance.kind: input should be .* or 'roundabout', got 'spiral'"),
     "unread": ({"kind": "track", "file": "a.csv"}, r"guidance: file: a.csv was not read"),
     "no track": ({"kind": "track"}, r"guidance: file: no track is named"),
 }  # fmt: skip
