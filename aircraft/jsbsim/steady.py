@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 _CAPTIVE_DIFFERENCE = 1e-5  # for derivatives by unknowns: larger than what engines settle to
 _LONGEST = (0.5, 0.15, 0.2, 0.5, 0.5, 0.2, 0.5)  # steps of the unknowns where engines have a state
 _LEVEL_THROTTLE, _LEVEL_ALPHA_RAD = 0.4, 0.05  # of the first guess
+_MORE_THROTTLE = 0.7  # of the second, where engines have a state: pistons turn little below half
 
 
 @dataclass(frozen=True)
@@ -200,9 +201,12 @@ def find(
     """
     found = None
     if is_captive(fdm):  # each evaluation waits for the engines: try what needs the fewest
-        found = correct(problem, p, first_guess(problem, p) if guess is None else guess)
-        if found is None and guess is not None:
-            found = correct(problem, p, first_guess(problem, p))
+        more = first_guess(problem, p)
+        more[THROTTLE] = _MORE_THROTTLE
+        for near in ([] if guess is None else [guess]) + [first_guess(problem, p), more]:
+            found = correct(problem, p, near)
+            if found is not None:
+                break
     if found is None:
         found = solve(problem, p, first_guess(problem, p))
     ends: list[Array] = []
