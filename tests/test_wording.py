@@ -31,7 +31,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 def found(made: Recorded, what: str) -> Finding:
     every = list(wording(made))
-    assert [f.what for f in every] == ["texts", "fields", "columns", "manifest"]
+    assert [f.what for f in every] == ["texts", "fields", "columns", "manifest", "scenario"]
     [one] = [f for f in every if f.what == what]
     return one
 
@@ -63,8 +63,9 @@ def scenario(made: Recorded, **fields: Any) -> Recorded:
 
 
 def test_a_run_as_it_was_flown_has_all_its_words(flown: Recorded) -> None:
-    texts, fields, tables, manifest = wording(flown)
-    assert {f.agrees for f in (texts, fields, tables, manifest)} == {True}
+    texts, fields, tables, manifest, flyable = wording(flown)
+    assert {f.agrees for f in (texts, fields, tables, manifest, flyable)} == {True}
+    assert (flyable.said, flyable.own, flyable.why) == ("as written", "can be flown", "")
     assert (texts.said, texts.own) == (f"{len(flown.entries)} claims", "as registered")
     assert fields.said.endswith(" fields") and int(fields.said.split()[0]) > 200 and fields.own == "known"
     assert (tables.said, tables.own) == (f"{len(flown.vehicles) + len(flown.pairs)} columns", "as due")
@@ -190,6 +191,19 @@ def test_schema_and_random_streams_are_the_known_ones(flown: Recorded) -> None:
     assert wrong(said(flown, seed_streams=[], schema_version=3), "manifest") == (
         "schema_version is 3; seed_streams are []"
     )
+
+
+def test_a_scenario_that_cannot_be_flown_is_named(flown: Recorded) -> None:
+    def recorded(**fields: Any) -> Recorded:
+        changed = scenario(flown, **fields)
+        return said(changed, scenario=flown.manifest["scenario"] | fields)
+
+    assert "duration_s" in wrong(recorded(duration_s=-1.0), "scenario")
+    assert not wrong(recorded(duration_s=-1.0), "scenario").startswith("scenario: ")
+    own = recorded(plant="balloon")
+    one = found(own, "scenario")
+    assert (one.said, one.own, one.agrees) == ("as written", "unknown", None)
+    assert one.why == "its plant is not installed here" and one.within is None
 
 
 # The scenario's airframes, sensors, and the manifest's names -> whether they belong together.
