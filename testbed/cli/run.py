@@ -83,6 +83,6 @@ def _lags(s: Scenario) -> list[str]:
         if lags[0].time_constant_s + lags[0].delay_s > _SLOW_S:
             lines.append(
                 "its speed follows too slowly for that: such poses lie too far ahead, and Ds was lost with"
-                " them; remedy.prediction_s = 0.8 in place of remedy.predict_lags kept it"
+                " them; on the X8 remedy.prediction_s = 0.8 in place of remedy.predict_lags kept it"
             )
     return lines
