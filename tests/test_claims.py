@@ -22,6 +22,7 @@ HOMONYMS = {
     "goal": {
         "filters/rivals/navigation.py",
         "testbed/components/own_code/roles.py",
+        "testbed/encounters/scenarios.py",
         "testbed/scenario/contents.py",
         "testbed/verification/departed.py",
         "testbed/verification/settings.py",
