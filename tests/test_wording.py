@@ -200,6 +200,9 @@ def test_a_scenario_that_cannot_be_flown_is_named(flown: Recorded) -> None:
 
     assert "duration_s" in wrong(recorded(duration_s=-1.0), "scenario")
     assert not wrong(recorded(duration_s=-1.0), "scenario").startswith("scenario: ")
+    assert found(recorded(duration_s=-1.0), "scenario").said == "as written"
+    idle = flown.scenario["gusts"] | {"intensity": "light"}  # moves no unicycle: recorded all the same
+    assert wrong(recorded(gusts=idle), "scenario") == ""
     own = recorded(plant="balloon")
     one = found(own, "scenario")
     assert (one.said, one.own, one.agrees) == ("as written", "unknown", None)
