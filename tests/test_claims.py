@@ -21,6 +21,7 @@ EVERY = (*registry.CLAIMS.values(), *MONITORED)
 HOMONYMS = {
     "goal": {
         "filters/rivals/navigation.py",
+        "testbed/cli/encounters.py",
         "testbed/components/own_code/roles.py",
         "testbed/encounters/scenarios.py",
         "testbed/scenario/contents.py",
