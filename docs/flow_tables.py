@@ -121,7 +121,7 @@ def page() -> str:
         "two vehicles, or one that ended early; intervals are 95 %. h is the paper's, at the true state; the",
         "path added is that of the vehicle that flew most.",
         "",
-        "Remade by `python docs/flow_tables.py lagged`, `... pairs 10`, `... slowed FOLDER 8`, `... page`;",
+        "Remade by `python docs/flow_tables.py lagged`, `... pairs 50`, `... slowed FOLDER 8`, `... page`;",
         "every run is a row of [data/flow.csv](data/flow.csv). FOLDER is the X8's with turn, climb and speed",
         "bandwidths of 3.6, 0.8 and 0.6 rad/s in airframe.toml, identified anew.",
         "",
