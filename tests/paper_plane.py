@@ -68,7 +68,7 @@ class PaperPlane:
     def __init__(self, thrust=4.0, drag=0.03, rudder=False, captive=False, idle=0.0, full=1.0, fastest=1e9):
         self.thrust, self.drag, self.fastest = thrust, drag, fastest
         self.airframe = SimpleNamespace(
-            name="paper", has_rudder=rudder, setup=SimpleNamespace(captive=captive),
+            name="paper", has_rudder=rudder, setup=SimpleNamespace(captive=captive, fuel_freeze=False),
             engines=SimpleNamespace(idle=idle, full=full, count=1),
             speeds=SimpleNamespace(start_mps=20.0, v_min_mps=14.0, v_max_mps=26.0),
         )  # fmt: skip

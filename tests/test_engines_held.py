@@ -27,7 +27,7 @@ class Bench:
         self.forgets = None
         self.airframe = SimpleNamespace(
             name="bench", engines=Engines(count=count, mixture=0.8, propeller=0.7),
-            setup=SimpleNamespace(captive=captive),
+            setup=SimpleNamespace(captive=captive, fuel_freeze=False),
         )  # fmt: skip
         self.paths = {path: Node() for path in FORCES}
         self.paths |= {f"simulation/integrator/{path}": Node(k + 1.0) for k, path in enumerate(INTEGRATORS)}
@@ -226,13 +226,15 @@ def test_an_engine_runs_if_its_shaft_turns_and_its_fire_burns():
     assert not running(bench)
 
 
-def test_periods_with_the_body_held_change_nothing_but_engines():
+@pytest.mark.parametrize("frozen", [True, False])
+def test_periods_with_the_body_held_change_nothing_but_engines(frozen):
+    """Fuel is frozen afterwards where [setup] says so: JSBSim reads the property as 0 always."""
     bench = Bench(rpm=30.0)
-    bench.node("propulsion/fuel_freeze").value = 0.5
+    bench.airframe.setup.fuel_freeze = frozen
     run_held(bench, 3, at_once=False)
     assert rpm(bench) == pytest.approx([60 - 30 * 0.95**3])
     assert bench.log[0][0] is False and bench.trim_status is False and bench.time == 7.0
-    assert bench.node("propulsion/fuel_freeze").value == 0.5
+    assert bench.node("propulsion/fuel_freeze").value == float(frozen)
     run_held(bench, 1)
     assert bench.log[-1][0] is True and bench.trim_status is False
 

@@ -226,16 +226,17 @@ def test_a_trim_nearby_shortens_the_search_where_evaluations_are_dear():
 
 @pytest.mark.parametrize("captive", [True, False])
 def test_what_a_trim_begins_with(monkeypatch, captive):
-    """Where engines settle: the trim given, a first guess, then Powell's method; else that alone."""
+    """Where engines settle: the trim given, two guesses, then Powell's method; else that alone."""
     tried = []
     monkeypatch.setattr(steady, "correct", lambda problem, p, guess: tried.append(guess.tolist()))
     plane, near = PaperPlane(captive=captive), steady.Trim(0.1, 0.2, 0.3, 0.04, 0.5, 0.6, 0.7, 0.8, 20.0)
     given, first = [0.1, 0.04, 0.0, 0.6, 0.7, 0.8], [0.0, 0.05, 0.0, 0.0, 0.0, 0.4]
+    more = [*first[:5], 0.7]
     assert steady.trim(plane, start(20.0), 0.0, near).throttle > 0
-    assert tried == ([given, first] if captive else [])
+    assert tried == ([given, first, more] if captive else [])
     tried.clear()
     assert steady.trim(plane, start(20.0)).throttle > 0
-    assert tried == ([first] if captive else [])
+    assert tried == ([first, more] if captive else [])
 
 
 def test_where_the_direct_solution_fails_a_continuation_finds_the_trim(monkeypatch):
