@@ -18,6 +18,7 @@ from testbed.components.border.plant import OwnPlant
 from testbed.components.initial_conditions import generators, places
 from testbed.errors import UserError
 from testbed.scenario.scenario import Scenario, load
+from tests.behind_the_border import refuses_writing
 
 GOAL = np.array([[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0]])
 WIND = np.ones((2, 3))
@@ -114,12 +115,6 @@ class Everything:
         return None
 
     reset = step = state = achieved = telemetry = faults = wind = observe = __call__
-
-
-def refuses_writing(array: np.ndarray) -> bool:
-    with pytest.raises(ValueError, match="read-only"):
-        array += 1.0
-    return True
 
 
 def test_a_users_maker_is_given_copies() -> None:
