@@ -11,10 +11,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from aircraft.jsbsim import steady
+from aircraft.jsbsim.continuation import Reached
 from aircraft.jsbsim.engines import FORCES
 from aircraft.jsbsim.geodesy import G_MPS2, M_PER_FT, Origin
 from aircraft.jsbsim.properties import NODES
+from aircraft.jsbsim.rest import Start
 
+EAST = math.pi / 2  # heading, clockwise from north
 K = 0.05  # lift = K V^2 cl, and so on
 CL_0, CL_ALPHA, CD_2, SIDE = 0.1, 4.5, 0.06, 0.4
 PITCH_0, PITCH_ALPHA, PITCH_ELEVATOR, PITCH_DAMPING = 0.02, 0.5, 0.2, 0.7
@@ -159,3 +163,26 @@ class PaperPlane:
         """Accelerations as last evaluated [m/s^2, rad/s^2] (6,)."""
         values = np.array([self.nodes[k].value for k in ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")])
         return values * np.array([M_PER_FT] * 3 + [1.0] * 3)
+
+
+def start(v, zeta=0.0, theta=0.0, wind=(0.0, 0.0, 0.0), x=0.0, y=0.0):
+    return Start(x, y, 0.0, theta, v, zeta, wind)
+
+
+def problem_of(plane, p):
+    steady.place(plane, start(20.0))
+    return steady.trim_problem(plane, EAST, p[0], p[1], steady.velocity_of(p[0], p[1], EAST))
+
+
+class Ways:
+    """Stands for `follow`: arrives only where it is told to."""
+
+    def __init__(self, *arrives):
+        self.arrives, self.targets = list(arrives), []
+
+    def __call__(self, problem, p, x, target):
+        self.problem = problem if not self.targets else self.problem
+        assert problem is self.problem is not None
+        self.targets.append((p.tolist(), target.tolist()))
+        arrived = len(self.targets) in self.arrives
+        return Reached(target if arrived else 0.5 * (p + target), x + len(self.targets), arrived)

@@ -1,21 +1,21 @@
-"""Trims, climbs and what is missing, on an aircraft whose steady flights are known in closed form."""
+"""Trims, on an aircraft whose steady flights are known in closed form."""
 
-import itertools
 import math
 import re
 
 import numpy as np
 import pytest
 
-from aircraft.jsbsim import climbs, shortfall, steady
-from aircraft.jsbsim.continuation import BALANCED, Problem, Reached, follow
+from aircraft.jsbsim import shortfall, steady
+from aircraft.jsbsim.continuation import BALANCED
 from aircraft.jsbsim.errors import FdmError, UnsteadyError
 from aircraft.jsbsim.geodesy import G_MPS2
-from aircraft.jsbsim.rest import Start, rotation
+from aircraft.jsbsim.rest import rotation
 from aircraft.jsbsim.shortfall import AILERON, ELEVATOR, RUDDER, THROTTLE
 from tests.paper_plane import (
     CL_0,
     CL_ALPHA,
+    EAST,
     PITCH_0,
     PITCH_ALPHA,
     PITCH_DAMPING,
@@ -27,14 +27,12 @@ from tests.paper_plane import (
     YAW_DAMPING,
     YAW_RUDDER,
     PaperPlane,
+    Ways,
+    problem_of,
+    start,
 )
 
-EAST = math.pi / 2  # heading, clockwise from north
 FLIGHTS = [(20.0, 0.0, 0.0), (17.0, 2.5, 0.0), (24.0, -1.0, 0.2), (18.0, 1.5, -0.15), (15.0, 0.0, 0.1)]
-
-
-def start(v, zeta=0.0, theta=0.0, wind=(0.0, 0.0, 0.0), x=0.0, y=0.0):
-    return Start(x, y, 0.0, theta, v, zeta, wind)
 
 
 def is_the_trim_of(plane, t, speed, climb, omega):
@@ -141,11 +139,6 @@ def test_below_the_stall_lift_is_short_and_the_elevator_is_at_its_limit():
 
 
 # -- where a search begins, and which ways it tries
-
-
-def problem_of(plane, p):
-    steady.place(plane, start(20.0))
-    return steady.trim_problem(plane, EAST, p[0], p[1], steady.velocity_of(p[0], p[1], EAST))
 
 
 def test_a_first_guess_is_a_coordinated_bank():
@@ -258,20 +251,6 @@ def test_where_the_direct_solution_fails_a_continuation_finds_the_trim(monkeypat
     assert asked[0][1:] == pytest.approx([math.atan2(2.0, 18.0), 0.1]) and not np.any(
         [p[1:] for p in asked[1:]]
     )
-
-
-class Ways:
-    """Stands for `follow`: arrives only where it is told to."""
-
-    def __init__(self, *arrives):
-        self.arrives, self.targets = list(arrives), []
-
-    def __call__(self, problem, p, x, target):
-        self.problem = problem if not self.targets else self.problem
-        assert problem is self.problem is not None
-        self.targets.append((p.tolist(), target.tolist()))
-        arrived = len(self.targets) in self.arrives
-        return Reached(target if arrived else 0.5 * (p + target), x + len(self.targets), arrived)
 
 
 @pytest.mark.parametrize(
@@ -396,232 +375,3 @@ def test_what_lacks_is_sought_from_the_trim_given_at_full_throttle(monkeypatch, 
 def test_forces_that_are_not_finite_are_told_as_that():
     plane = PaperPlane(thrust=math.nan)
     assert steady.lacking(plane, start(20.0)) == "its forces are not finite"
-
-
-# -- climbs
-
-
-@pytest.mark.parametrize("rudder", [False, True])
-@pytest.mark.parametrize(("v", "omega"), [(20.0, 0.0), (16.0, 0.0), (23.0, 0.15), (18.0, -0.1)])
-def test_idle_and_full_throttle_end_the_climbs(v, omega, rudder):
-    plane = PaperPlane(rudder=rudder, idle=0.05, full=0.95)
-    level = steady.trim(plane, start(19.0))
-    plane.nodes["on"].value = 1.0
-    found = climbs.climb_range(plane, v, omega, level)
-    expected = plane.steepest(v, 0.05, omega), plane.steepest(v, 0.95, omega)
-    assert found == pytest.approx(expected, abs=1e-6 if rudder or omega == 0 else 0.1)
-    assert plane.nodes["on"].value == 0.0
-    assert plane.nodes["yaw_ic"].value == pytest.approx(EAST, abs=0.2)  # eastwards
-
-
-def test_a_climb_is_a_trim_with_the_throttle_given():
-    plane = PaperPlane(rudder=True)
-    level = steady.trim(plane, start(20.0))
-    lowest, highest = climbs.climb_range(plane, 20.0, 0.1, level)
-    for zeta, throttle in ((lowest, 0.0), (highest, 1.0)):
-        assert steady.trim(plane, start(20.0, zeta), 0.1).throttle == pytest.approx(throttle, abs=1e-8)
-
-
-def test_where_no_throttle_ends_them_climbs_end_at_60_degrees():
-    steepest = 20.0 * math.tan(math.radians(60.0))
-    strong = PaperPlane(thrust=12.0)  # climbs more steeply than that at full throttle
-    lowest, highest = climbs.climb_range(strong, 20.0, 0.0, steady.trim(strong, start(20.0)))
-    assert (lowest, highest) == pytest.approx((strong.steepest(20.0, 0.0), steepest), rel=1e-9)
-    braked = PaperPlane(thrust=8.0, drag=0.2)  # drag outgrows gravity: no dive keeps the ground speed at idle
-    lowest, highest = climbs.climb_range(braked, 20.0, 0.0, steady.trim(braked, start(15.0)))
-    assert (lowest, highest) == pytest.approx((-steepest, braked.steepest(20.0, 1.0)), rel=1e-9)
-
-
-def test_where_trims_end_before_that_so_do_the_climbs():
-    """At 24 m/s through the air: 20 over the ground, and 13.27 m/s up or down. Found to 1e-4 of the way."""
-    steepest = 20.0 * math.tan(math.radians(60.0))
-    strong = PaperPlane(thrust=12.0, fastest=24.0)
-    lowest, highest = climbs.climb_range(strong, 20.0, 0.0, steady.trim(strong, start(20.0)))
-    assert lowest == pytest.approx(strong.steepest(20.0, 0.0), rel=1e-9)
-    assert 0 <= math.sqrt(24.0**2 - 20.0**2) - highest < 1e-4 * (steepest - lowest)
-    assert strong.nodes["yaw_ic"].value == pytest.approx(EAST, abs=1e-6)
-
-
-def test_flight_below_the_stall_has_no_climbs():
-    plane = PaperPlane(rudder=True)
-    level = steady.trim(plane, start(20.0))
-    assert climbs.climb_range(plane, 5.0, 0.0, level) == pytest.approx((math.nan, math.nan), nan_ok=True)
-
-
-def test_a_climb_that_is_not_reached_straight_is_reached_turning_last(monkeypatch):
-    ways, plane = Ways(2, 3, 4, 6, 7, 8), PaperPlane()
-    monkeypatch.setattr(climbs, "follow", ways)
-    level = steady.Trim(0.1, 0.0, EAST + 0.2, 0.3, 0.0, 0.4, 0.5, 0.6, 19.0)
-    lowest, highest = climbs.climb_range(plane, 18.0, 0.2, level)
-    place = [19.0, 0.6, 0.0]
-    expected = []
-    for throttle in (0.0, 1.0):
-        corners = [[19.0, throttle, 0.0], [18.0, throttle, 0.0], [18.0, throttle, 0.2]]
-        expected += [(place, corners[2]), (place, corners[0]), *itertools.pairwise(corners)]
-    assert ways.targets == expected
-    # The climb angle began at 0; `Ways` adds the number of each of its calls.
-    assert (lowest, highest) == pytest.approx((18.0 * math.tan(2 + 3 + 4), 18.0 * math.tan(6 + 7 + 8)))
-
-
-def test_climbs_begin_at_the_level_trim_given(monkeypatch):
-    seen = []
-
-    def never(problem, p, x, target):
-        seen.append((p.tolist(), x.tolist()))
-        return Reached(p, x, False)
-
-    monkeypatch.setattr(climbs, "follow", never)
-    level = steady.Trim(0.1, 0.0, EAST + 0.2, 0.3, 0.05, 0.4, 0.5, 0.6, 19.0, 0.7)
-    for rudder in (False, True):
-        seen.clear()
-        nothing = climbs.climb_range(PaperPlane(rudder=rudder), 18.0, 0.2, level)
-        assert all(map(math.isnan, nothing)) and len(nothing) == 2
-        unknowns = [0.1, 0.3, pytest.approx(0.2), 0.4, 0.5, 0.0, 0.7][: 6 + rudder]
-        assert seen[0] == ([19.0, 0.6, 0.0], unknowns)
-
-
-def test_residuals_of_a_climb_are_those_of_the_same_trim():
-    for rudder in (False, True):
-        plane = PaperPlane(rudder=rudder)
-        problem = climbs.climb_problem(plane, EAST)
-        assert problem.lowest[THROTTLE] == -math.radians(60.0) and problem.highest[THROTTLE] == math.radians(
-            60.0
-        )
-        slope, x = 0.2, np.array([0.1, 0.07, -0.02, 0.3, -0.1, 0.2, 0.05][: 6 + rudder])
-        found = problem.residuals(np.array([20.0, 0.6, 0.1]), x)
-        assert plane.nodes["rudder"].value == (0.05 if rudder else 0.0)
-        p = np.array([20.0 / math.cos(slope), slope, 0.1])
-        same = x.copy()
-        same[THROTTLE] = 0.6
-        np.testing.assert_allclose(found, problem_of(plane, p).residuals(p, same), rtol=1e-12)
-
-
-# -- what is missing
-
-
-@pytest.mark.parametrize("rudder", [False, True])
-def test_forces_in_path_axes_are_along_beside_and_above_the_path(rudder):
-    plane = PaperPlane(rudder=rudder)
-    x, p = np.array([0.3, 0.08, -0.05, 0.2, 0.1, 0.5, 0.0][: 6 + rudder]), np.array([20.0, 0.1, 0.15])
-    problem_of(plane, p).residuals(p, x)
-    found = shortfall.in_path_axes(plane, p, x, EAST)
-    left, ned = shortfall.balance(plane), rotation(0.3, 0.18, EAST - 0.05) @ (plane.left()[:3] / 0.3048)
-    north, east, down = ned
-    along = east * math.cos(0.1) - down * math.sin(0.1)
-    above = -east * math.sin(0.1) - down * math.cos(0.1)
-    np.testing.assert_allclose(found[:3], [along, -north, above], rtol=1e-10)
-    np.testing.assert_array_equal(found[3:], left[3:])
-    assert len(left) == 6 + rudder and (not rudder or left[6] == plane.nodes["beta"].value)
-
-
-def test_the_throttle_limits_guess_the_trim_between_them():
-    plane = PaperPlane(rudder=True)
-    problem = problem_of(plane, (20.0, 0.0))
-    level = np.array([20.0, 0.0, 0.0])
-    x = steady.solve(problem, level, steady.first_guess(problem, level))
-    for p in (np.array([18.0, 0.1, 0.1]), np.array([24.0, -0.02, -0.1])):
-        found = shortfall.throttle_limits(plane, problem, level, x, p, EAST)
-        assert found.missing == ""
-        # Thrust along the path is linear in the throttle: the guess is the trim.
-        assert found.guess[THROTTLE] == pytest.approx(plane.throttle_needed(*p), abs=1e-9)
-        assert np.abs(problem.residuals(p, found.guess)).max() < 1e-6
-    # A few hundredths of the throttle are left, or missing, at its ends.
-    for throttle, what in ((0.03, ""), (-0.03, "drag"), (0.97, ""), (1.03, "thrust")):
-        climb = math.atan2(plane.steepest(20.0, throttle), 20.0)
-        p = np.array([20.0 / math.cos(climb), climb, 0.0])
-        assert shortfall.throttle_limits(plane, problem, level, x, p, EAST).missing.partition(" ")[0] == what
-    for climb, k, what in ((0.5, 1.0, "thrust"), (-0.4, 0.0, "drag")):
-        p = np.array([20.0, climb, 0.0])
-        found = shortfall.throttle_limits(plane, problem, level, x, p, EAST)
-        short = abs(plane.thrust * (plane.throttle_needed(20.0, climb) - k))
-        assert found.missing.startswith(f"{what} is short by {short:.2g} m/s^2 at airspeed 20.00 m/s with")
-        assert found.missing.endswith(f"throttle {k:.2f} (its limit)") and found.guess[THROTTLE] == k
-    # The wing ends the way to a slow flight, not the throttle.
-    assert shortfall.throttle_limits(plane, problem, level, x, np.array([6.0, 0.0, 0.0]), EAST) is None
-
-
-def test_a_throttle_without_effect_is_guessed_in_its_middle(monkeypatch):
-    plane = PaperPlane(thrust=0.0)
-    problem = problem_of(plane, (20.0, 0.0))
-    forces = shortfall.in_path_axes
-    monkeypatch.setattr(shortfall, "in_path_axes", lambda *asked: forces(*asked) * ([0.0] + [1.0] * 5))
-    p, x = np.array([20.0, 0.0, 0.0]), steady.first_guess(problem, [20.0, 0.0, 0.0])
-    assert shortfall.throttle_limits(plane, problem, p, x, p, EAST).guess[THROTTLE] == 0.5
-
-
-LACKS = {
-    "drag is short by 0.5 m/s^2": (0.5, 0.2, 0.3, 0.1, 0.1, 0.1),
-    "lift is too large by 0.5 m/s^2": (0.1, 0.2, 0.5, 0.1, 0.1, 0.1),
-    "thrust is short by 1.5 m/s^2": (-1.5, 0.2, 0.3, 0.1, 0.1, 0.1),
-    "drag is short by 1.5 m/s^2": (1.5, 0.2, 0.3, 0.1, 0.1, 0.1),
-    "side force is short by 0.9 m/s^2": (0.1, -0.9, 0.3, 0.1, 0.1, 0.1),
-    "lift is short by 2.1 m/s^2": (0.1, 0.2, -2.1, 0.1, 0.1, 0.1),
-    "lift is too large by 2.1 m/s^2": (0.1, 0.2, 2.1, 0.1, 0.1, 0.1),
-    "rolling moment is off by 3.1 rad/s^2": (0.1, 0.2, -2.1, -3.1, 0.1, 0.1),
-    "pitching moment is off by 3.1 rad/s^2": (0.1, 0.2, -2.1, 0.1, 3.1, 0.1),
-    "yawing moment is off by 3.1 rad/s^2": (0.1, 0.2, -2.1, 0.1, 0.1, -3.1),
-    "no balance was found": (2e-7, 3e-7, -4e-7, 0.0, 0.0, 0.0),
-    "lift is short by 4e-06 m/s^2": (2e-7, 3e-7, -4e-6, 0.0, 0.0, 0.0),
-}
-
-
-@pytest.mark.parametrize("told", LACKS)
-def test_what_lacks_most_is_named(monkeypatch, told):
-    """Of forces along, beside and above the path [m/s^2] and three moments [rad/s^2]."""
-    left = np.array(LACKS[told]) / np.array([0.3048] * 3 + [1.0] * 3)
-    monkeypatch.setattr(shortfall, "in_path_axes", lambda plane, p, x, heading: left)
-    seen = []
-    problem = Problem(lambda p, x: seen.append((p, x)), np.zeros(6), np.ones(6))
-    p, x = np.array([18.126, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, -0.25, 0.5, 0.75])
-    at = " at airspeed 18.13 m/s with elevator -0.25, aileron 0.50, throttle 0.75"
-    assert shortfall.lacking(None, problem, p, x, EAST) == told + at
-    assert seen == [(p, x)]  # the flight is evaluated before its forces are read
-
-
-@pytest.mark.parametrize(
-    ("commands", "said"),
-    [
-        ((-1.0, 0.0, 0.5), "elevator -1.00 (its limit), aileron 0.00, throttle 0.50"),
-        (
-            (0.9995, -0.9995, 0.0005),
-            "elevator 1.00 (its limit), aileron -1.00 (its limit), throttle 0.00 (its limit)",
-        ),
-        ((0.9985, -0.9985, 0.0015), "elevator 1.00, aileron -1.00, throttle 0.00"),
-        ((0.0, 1.0, 1.0), "elevator 0.00, aileron 1.00 (its limit), throttle 1.00 (its limit)"),
-        ((-0.004, 0.004, 0.999), "elevator 0.00, aileron 0.00, throttle 1.00"),
-        ((-0.0, 0.999, 0.999), "elevator 0.00, aileron 1.00, throttle 1.00"),
-    ],
-)  # fmt: skip
-def test_commands_at_their_limits_are_named(monkeypatch, commands, said):
-    monkeypatch.setattr(shortfall, "in_path_axes", lambda *asked: np.ones(6))
-    problem = Problem(lambda p, x: None, np.zeros(6), np.ones(6))
-    told = shortfall.lacking(
-        None, problem, np.array([20.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, *commands]), EAST
-    )
-    assert told.endswith(f" at airspeed 20.00 m/s with {said}")
-
-
-def test_the_nearest_flight_weighs_moments_thrice():
-    """Two unknowns, one wish each: the least squares of (f, 3 m) at the bound of both."""
-    seen = []
-
-    def residuals(p, x):
-        seen.append(x.copy())
-        force, moment = x[0] - 1.0, x[0] + 1.0
-        return np.array([force, 0.0, 0.0, moment, x[1] - 0.25, 0.0])
-
-    problem = Problem(residuals, np.full(6, -2.0), np.full(6, 2.0))
-    plane = PaperPlane()
-    told = shortfall.missing(plane, problem, np.array([20.0, 0.0, 0.0]), [np.zeros(6)], EAST)
-    # (x - 1)^2 + 9 (x + 1)^2 is least at -0.8; the last evaluation is at the least.
-    assert seen[-1][0] == pytest.approx(-0.8, abs=1e-6) and seen[-1][1] == pytest.approx(0.25, abs=1e-6)
-    assert " at airspeed 20.00 m/s with " in told
-
-
-def test_the_way_to_a_climb_is_followed_finely():
-    """The last climb is found to 1e-4 of the way, not to the 1/128 of a trim."""
-    found = follow(
-        Problem(lambda p, x: np.array([x[0] - p[0]]), np.array([-1.0]), np.array([0.3])),
-        np.array([0.0]), np.array([0.0]), np.array([1.0]), shortest=1e-4,
-    )  # fmt: skip
-    assert not found.arrived and 0.2999 <= found.p[0] <= 0.3

@@ -204,7 +204,7 @@ def distinct_runs(table: pd.DataFrame, rung: str) -> int:
 
 def _refused(table: pd.DataFrame) -> pd.Series[bool]:
     """Runs that could not start; read from a file, a run that could has nan there."""
-    return table.refused.fillna("") != ""
+    return table.refused.notna() & (table.refused != "")
 
 
 def summary(table: pd.DataFrame, ladder: Sequence[Rung]) -> pd.DataFrame:
