@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from testbed.campaigns import file, view
+from testbed.campaigns.bases import bases
 from testbed.campaigns.distinct import counted, distinct_results
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import GUARANTEES, Campaign, Distribution
 from testbed.campaigns.identity import ROOT, code_id, content_id, modules
-from testbed.campaigns.plan import Plan, base, expand
+from testbed.campaigns.plan import Plan, expand
 from testbed.claims import registry
 from testbed.scenario import scenario
 from testbed.scenario.randomness import random_fields
@@ -27,7 +28,7 @@ BASE = {"name": "c", "scenario": "paper-2-turn", "seeds": 3}
 
 def plan(**fields: object) -> Plan:
     campaign = Campaign.model_validate(BASE | fields)
-    return expand(campaign, base(campaign, Path()))
+    return expand(campaign, bases(campaign, Path()))
 
 
 def test_cells_are_the_product_of_the_axes_and_all_fly_the_same_seeds() -> None:
@@ -53,7 +54,7 @@ def test_a_run_is_named_by_its_content() -> None:
     assert [r.id for r in plan(set={"d_safe_m": 6}, first_seed=2).runs][:2] == ids[4:]
     # Names and numbers of campaigns are no part of a run.
     assert [r.id for r in plan(name="d", grid={"d_safe_m": [5]}).runs] == ids[:3]
-    assert expand(plan().campaign, plan().base, "other code").runs[0].id != plan().runs[0].id
+    assert expand(plan().campaign, plan().bases, "other code").runs[0].id != plan().runs[0].id
     assert content_id({"a": 1, "b": 2}) == content_id({"b": 2, "a": 1})
 
 
@@ -107,7 +108,7 @@ def test_draws_follow_their_distribution(
 @pytest.mark.parametrize("name", file.builtin())
 def test_the_campaigns_that_come_with_the_package_resolve(name: str) -> None:
     campaign, here = file.load(name)
-    made = expand(campaign, base(campaign, here))
+    made = expand(campaign, bases(campaign, here))
     assert campaign.name == name and campaign.description
     assert len({r.id for r in made.runs}) == len(made.runs) >= 80
     assert file.load(f"{name}.toml")[0] == campaign
@@ -138,8 +139,11 @@ MISTAKES = {
     "name = ": "not valid TOML",
     'seed = 3\nname = "c"\nscenario = "paper-2-turn"': "seed: unknown field; did you mean seeds",
     'name = "c"\nscenario = "paper-2-turn"': "seeds: say how many",
-    'name = "c"\nseeds = 3': "scenario: field required",
+    'name = "c"\nseeds = 3': "scenario: field required, or encounters",
     'name = "c"\nscenario = "paper-2-tern"\nseeds = 3': "did you mean",
+    'name = "c"\nscenario = "paper-2-turn"\nencounters = "x"': "scenario: leave it out, or encounters",
+    'name = "c"\nencounters = "nowhere"': "encounters nowhere: nowhere has no scenario file",
+    'name = "c"\nencounters = "x"\nstop = {looks = [5, 9], target = 0.1}': "encounters are flown all",
     "seeds = 0": "seeds: input should be greater than or equal to 1, got 0",
     'seeds = "many"': "seeds: input should be a valid integer",
     'plants = ["glider"]': "c: plants: there is no plant 'glider'; there is unicycle",
@@ -325,5 +329,5 @@ def test_airframes_of_an_axis_are_found_beside_the_campaign_file(
     )
     monkeypatch.chdir(tmp_path)
     campaign, here = file.load("campaigns/slow-turn.toml")
-    [cell] = expand(campaign, base(campaign, here)).cells
-    assert Path(cell.data["airframes_folder"]) == folder.resolve()
+    made = expand(campaign, bases(campaign, here))
+    assert Path(made.varied(made.cells[0], 0)["airframes_folder"]) == folder.resolve()

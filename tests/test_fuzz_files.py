@@ -17,6 +17,7 @@ from aircraft.airframes.files import read_folder
 from aircraft.airframes.safety import dangers
 from aircraft.check.rules import RULES
 from testbed.campaigns import file, plan
+from testbed.campaigns.bases import Base, bases
 from testbed.errors import UserError
 from testbed.scenario.scenario import Scenario
 from tests.fuzzing import cases, change, damaged, document, no_hang
@@ -129,9 +130,9 @@ def test_numbers_of_hundreds_of_digits_are_refused_in_one_short_line(folder: Pat
     assert len(str(UserError("x" * 10_000))) < 2100
 
 
-def plan_of(path: Path) -> tuple[Scenario, file.Campaign]:
+def plan_of(path: Path) -> tuple[list[Base], file.Campaign]:
     campaign, here = file.load(str(path))
-    return plan.base(campaign, here), campaign
+    return bases(campaign, here), campaign
 
 
 BASE = Scenario.model_validate({"name": "b", "vehicles": 2})
@@ -164,7 +165,7 @@ def test_one_change_to_a_campaign_is_planned_or_refused(
         try:
             campaign, here = file.load(str(path))
             if len(campaign.seed_list) <= 100:
-                plan.expand(campaign, plan.base(campaign, here))
+                plan.expand(campaign, bases(campaign, here))
         except UserError as error:
             one_line(str(error))
 

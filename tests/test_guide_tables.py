@@ -11,6 +11,7 @@ import pytest
 
 from testbed.campaigns import file as campaign_file
 from testbed.campaigns import plan
+from testbed.campaigns.bases import bases
 from testbed.report.tables import number
 from testbed.scenario.scenario import load, parse
 from testbed.simulation.simulate import run
@@ -191,7 +192,7 @@ def test_the_remedys_assumptions_are_the_committed_runs() -> None:
 @pytest.mark.parametrize(("name", "variant"), [("late-sensors", "late"), ("slow-loops", "slow")])
 def test_the_remedys_assumptions_are_what_a_run_says_today(name: str, variant: str) -> None:
     campaign, folder = campaign_file.load(name)
-    planned = plan.expand(campaign, plan.base(campaign, folder))
+    planned = plan.expand(campaign, bases(campaign, folder))
     wanted = {"variant": variant, "guidance.lookahead_m": 10}
     (cell,) = [c.number for c in planned.cells if wanted.items() <= c.parameters.items()]
     first = planned.of(cell)[0]

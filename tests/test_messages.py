@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 import testbed
+from testbed.campaigns.bases import bases
 from testbed.campaigns.file import load as load_campaign
-from testbed.campaigns.plan import base, expand
+from testbed.campaigns.plan import expand
 from testbed.errors import NoteWarning, UserError
 from testbed.scenario.randomness import random_fields
 from testbed.scenario.scenario import load
@@ -75,7 +76,7 @@ def test_the_name_of_a_run_does_not_depend_on_where_its_airframe_lies(project: P
     plans = []
     for here in (project, other):
         campaign, folder = load_campaign(str(here / "camp.toml"))
-        plans.append(expand(campaign, base(campaign, folder)))
+        plans.append(expand(campaign, bases(campaign, folder)))
     assert plans[0].id == plans[1].id
 
 
@@ -165,7 +166,7 @@ def test_campaigns_gains_and_airframes_with_a_byte_order_mark_are_read(project: 
     toml = project / "my-wing" / "airframe.toml"
     toml.write_text(MARKED + toml.read_text())
     campaign, folder = load_campaign(str(project / "camp.toml"))
-    assert base(campaign, folder).airframes == ["my-wing"]
+    assert bases(campaign, folder)[0].scenario.airframes == ["my-wing"]
     assert airframe(project / "slow.toml").gains["turn"]["bandwidth_radps"] == 1.0
 
 

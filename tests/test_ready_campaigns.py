@@ -5,18 +5,21 @@ import pytest
 from aircraft.airframe import load
 from aircraft.autopilots.freshness import stale_lags
 from testbed.campaigns import plan
+from testbed.campaigns.bases import bases
 from testbed.campaigns.file import load as load_campaign
 from testbed.scenario.location import path_of
 
 
-def planned(name):
+def data_of(name):
+    """Plain data of each cell of a campaign."""
     campaign, folder = load_campaign(name)
-    return plan.expand(campaign, plan.base(campaign, folder), "code")
+    made = plan.expand(campaign, bases(campaign, folder), "code")
+    return [made.varied(cell, 0) for cell in made.cells]
 
 
 def test_the_slow_autopilot_is_found_from_another_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    data = [cell.data for cell in planned("slow-loops").cells]
+    data = data_of("slow-loops")
     slow = [d for d in data if d["airframes"] != ["x8"]]
     assert len(slow) == len(data) / 2
     airframe = load(path_of(slow[0]["airframes"][0], slow[0]["airframes_folder"]))
@@ -31,12 +34,12 @@ def test_the_slow_autopilot_is_found_from_another_folder(tmp_path, monkeypatch):
 
 
 def test_late_sensors_differ_in_nothing_but_the_age_of_measurements():
-    cells = planned("late-sensors").cells
-    ages = [cell.data["sensing"]["delay_s"] for cell in cells]
+    cells = data_of("late-sensors")
+    ages = [data["sensing"]["delay_s"] for data in cells]
     assert sorted(ages) == [0.0, 0.0, 0.12, 0.12]
-    for cell in cells:
-        cell.data["sensing"]["delay_s"] = 0.0
-    assert cells[0].data == cells[2].data and cells[1].data == cells[3].data
+    for data in cells:
+        data["sensing"]["delay_s"] = 0.0
+    assert cells[0] == cells[2] and cells[1] == cells[3]
 
 
 @pytest.mark.parametrize("name", ["late-sensors", "slow-loops", "finite-range"])

@@ -9,6 +9,7 @@ import pytest
 
 import testbed
 from testbed.campaigns import plan
+from testbed.campaigns.bases import bases
 from testbed.campaigns.file import Campaign
 from testbed.errors import UserError
 from testbed.report.settings import changed as settings_changed
@@ -67,7 +68,7 @@ def test_a_campaigns_axes_and_set_take_both_and_mean_the_same_runs() -> None:
             name="c", scenario="paper-2-turn", seeds=2, set={f"{name}.delay_steps": 1},
             grid={f"{name}.lookahead_m": [1, 10]},
         )  # fmt: skip
-        made = plan.expand(campaign, plan.base(campaign, Path()))
+        made = plan.expand(campaign, bases(campaign, Path()))
         return [r.id for r in made.runs], list(made.cells[0].parameters)
 
     assert ids("nominal") == ids("guidance")

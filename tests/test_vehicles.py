@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from filters.barriers.rollout import RolloutBarrier
 from filters.model import State, step
 from testbed import UserError, run
+from testbed.campaigns.bases import bases
 from testbed.campaigns.file import parse as campaign
-from testbed.campaigns.plan import base, expand
+from testbed.campaigns.plan import expand
 from testbed.components import catalogue, remedies
 from testbed.components.initial_conditions import generators, places
 from testbed.scenario import fleet
@@ -151,7 +152,7 @@ def test_overrides_and_axes_name_vehicles_by_number(tmp_path):
     assert changed(s, {"vehicle.2.speed_mps": 15.5}).vehicle[1].speed_mps == 15.5
     grid = {"vehicle.1.limits.v_max_mps": [22, 24]}
     told = campaign({"name": "c", "scenario": path, "seeds": 1, "grid": grid}, "c")
-    plan = expand(told, base(told, tmp_path))
+    plan = expand(told, bases(told, tmp_path))
     assert [c.data["vehicle"][0]["limits"]["v_max_mps"] for c in plan.cells] == [22, 24]
 
 

@@ -22,12 +22,13 @@ def check_distinct(plan: Plan) -> None:
     for cell in plan.cells:
         if any(plan.parts.origins[label]["role"] in DRAWING for label in cell.own):
             continue  # a part of the user's own may draw from the generators it is given
+        several = len(plan.campaign.seed_list)
         runs = plan.of(cell.number)
-        if len(runs) < 2 or any(r.draws != runs[0].draws for r in runs):
+        if several < 2 or any(r.draws != runs[0].draws for r in runs):
             continue
-        if not random_fields(parse(plan.data(runs[0]))):
+        if not all(random_fields(parse(plan.data(runs[k]))) for k in range(0, len(runs), several)):
             where = plan.campaign.name + (f", {cell.label}" if len(plan.cells) > 1 else "")
-            said = nothing_random(len(runs))
+            said = nothing_random(several)
             if plan.campaign.stop is not None:
                 said = said.replace("seeds = 1", "looks = [1]")
             raise UserError(f"{where}: {said}, or {REMEDY}; every seed gives the same run")

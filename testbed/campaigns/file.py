@@ -9,7 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 
 from aircraft.textfile import line_of, parse_toml, read_text
 from testbed.claims.registry import CLAIMS, JUDGED, SEPARATION, START_SAFE
@@ -47,6 +47,14 @@ def _name(name: str) -> str:
             f"{short(name)!r} names a column of the table: small letters, digits, _ and -, and no claim's id"
         )
     return name
+
+
+def _sets(said: Any) -> Any:
+    """Sets of encounters by name; a single one is called as its folder or file."""
+    if not isinstance(said, str):
+        return said
+    parts = [p for p in Path(said).with_suffix("").parts if not set(p) & set("*?[") and p not in (".", "..")]
+    return {parts[-1] if parts else "encounters": said}
 
 
 Formula = Annotated[str, Field(max_length=LONGEST), AfterValidator(_requirement)]
@@ -116,9 +124,16 @@ class Campaign(Section):
     schema_version: Literal[1] = 1
     name: Name
     description: Annotated[str, Field(max_length=2000)] = ""
-    scenario: str = Field(description="a built-in scenario or a file, from the campaign file's folder")
+    scenario: str = Field(
+        default="", description="a built-in scenario or a file, from the campaign file's folder"
+    )
+    encounters: Annotated[dict[str, str], BeforeValidator(_sets)] = Field(
+        default={},
+        description="instead of scenario: a folder or pattern of scenario files, or an axis of named ones;"
+        " a cell flies every file",
+    )
     seeds: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = Field(
-        default=None, description="how many; with [stop] the last look says it"
+        default=None, description="how many; with [stop] the last look says it; of each encounter, or 1"
     )
     first_seed: Seed = 1
     guarantee: str = Field(
@@ -145,7 +160,13 @@ class Campaign(Section):
     def consistent(self) -> Campaign:
         if self.guarantee not in self.requirements:
             _judged(self.guarantee, self.requirements)
-        if self.stop is None and self.seeds is None:
+        if not self.scenario and not self.encounters:
+            raise ValueError("scenario: field required, or encounters: a folder of scenario files")
+        if self.scenario and self.encounters:
+            raise ValueError("scenario: leave it out, or encounters; the encounters' files are scenarios")
+        if self.encounters and self.stop is not None:
+            raise ValueError("stop: looks count seeds, and encounters are flown all; leave out one of them")
+        if self.stop is None and self.seeds is None and not self.encounters:
             raise ValueError("seeds: say how many")
         if self.stop is not None and self.seeds not in (None, self.stop.looks[-1]):
             raise ValueError(f"seeds: {self.seeds}, but the last of stop.looks is {self.stop.looks[-1]}")
@@ -157,8 +178,7 @@ class Campaign(Section):
 
     @property
     def seed_list(self) -> range:
-        count = self.stop.looks[-1] if self.stop is not None else self.seeds
-        assert count is not None
+        count = self.stop.looks[-1] if self.stop is not None else self.seeds or 1
         return range(self.first_seed, self.first_seed + count)
 
 

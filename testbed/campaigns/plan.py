@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from testbed.campaigns import named_remedies
+from testbed.campaigns.bases import AXIS, Base, groups, path_within, seeds_of
 from testbed.campaigns.draw import draw
 from testbed.campaigns.file import MOST_RUNS, SCHEMA_VERSION, Campaign
 from testbed.campaigns.identity import AirframeHashes, code_id, content_id
@@ -20,9 +20,9 @@ from testbed.components.installed_parts import effective
 from testbed.errors import UserError, nearest, short
 from testbed.requirements.requirement import Requirement
 from testbed.scenario import fleet, scenario
-from testbed.scenario.location import identity, placed
+from testbed.scenario.location import identity
 from testbed.scenario.overrides import assign
-from testbed.scenario.scenario import Scenario, field_path
+from testbed.scenario.scenario import Scenario
 from testbed.scenario.variants import Variants
 
 Fields = dict[tuple[str, ...], Any]
@@ -34,37 +34,42 @@ class Cell:
 
     parameters  axis -> value, as the tables show it
     label       of the axes that have more than one value
-    data        the scenario, but for seed and draws
+    fields      number of a base -> what the cell sets in it; of those that it flies
     own         labels of the user's own parts that fly in it
     """
 
     number: int
     parameters: dict[str, Any]
     label: str
-    data: dict[str, Any]
+    fields: dict[int, Fields]
     own: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Planned:
-    """One run: `id` is the hash of its resolved scenario, the code, the airframes' files and own parts."""
+    """One run: `id` is the hash of its resolved scenario, the code, the airframes' files and own parts.
+
+    base  number of the scenario or encounter that it flies
+    """
 
     id: str
     cell: int
     seed: int
     draws: dict[str, Any]
+    base: int = 0
 
 
 @dataclass
 class Plan:
-    """Every run there may be, cell by cell in the axes' order and seed by seed.
+    """Every run there may be, cell by cell in the axes' order, encounter by encounter and seed by seed.
 
+    bases      the scenario that it varies, or the encounters
     airframes  checksums of the airframes used, see `AirframeHashes.known`
     parts      the user's own
     """
 
     campaign: Campaign
-    base: Scenario
+    bases: Sequence[Base]
     code: str
     cells: list[Cell]
     runs: list[Planned]
@@ -77,9 +82,21 @@ class Plan:
         says = [self.campaign.guarantee, stop, self.campaign.keep, self.campaign.force]
         self.id = content_id([[r.id for r in self.runs], [c.parameters for c in self.cells], says])
 
+        self._first = [0]
+        for cell in self.cells:
+            self._first.append(self._first[-1] + len(cell.fields) * len(self.campaign.seed_list))
+
     def of(self, cell: int) -> list[Planned]:
-        n = len(self.campaign.seed_list)
-        return self.runs[cell * n : (cell + 1) * n]
+        return self.runs[self._first[cell] : self._first[cell + 1]]
+
+    @property
+    def longest(self) -> int:
+        """The most runs of a cell."""
+        return max(b - a for a, b in itertools.pairwise(self._first))
+
+    def varied(self, cell: Cell, base: int) -> dict[str, Any]:
+        """The plain data of a base as a cell flies it, but for seed and draws."""
+        return _set(self.bases[base].scenario, cell.fields[base])
 
     def sent(self, run: Planned, s: Scenario) -> SentParts | None:
         """The parts that a run's job takes along, those of installed packages that `s` names included."""
@@ -87,44 +104,18 @@ class Plan:
 
     def data(self, run: Planned) -> dict[str, Any]:
         """The run's scenario as plain data."""
-        data = _with(self.cells[run.cell].data, run.draws, run.seed)
+        data = _with(self.varied(self.cells[run.cell], run.base), run.draws, run.seed)
         return scenario.settled(data, self.campaign.name)[0].model_dump(mode="json")
-
-
-def base(campaign: Campaign, folder: Path) -> Scenario:
-    """The scenario that a campaign varies; a path is meant from `folder`, the campaign file's."""
-    source = campaign.scenario
-    if Path(source).suffix == ".toml":
-        source = str(folder / source)
-    said = scenario.tables(scenario.read(source), source)
-    file = scenario.parse(placed(said, *scenario.homes(source)), source, keep_idle=True)
-    data = file.model_dump(mode="json")
-    asked = [_path(name, "set") for name in campaign.set]
-    for path, value in zip(asked, campaign.set.values(), strict=True):
-        assign(data, path, value)
-    if named := _airframes(campaign):
-        there = placed({"airframes": named}, folder, Path())
-        data |= {"airframes_folder": there.get("airframes_folder", data["airframes_folder"])}
-    # What has an effect in no cell is refused when all are known.
-    data = scenario.without_foreign(data, asked)[0]
-    return scenario.parse(data, "set" if campaign.set else source, keep_idle=True)
-
-
-def _airframes(campaign: Campaign) -> list[str]:
-    """The airframes that the campaign's own fields name: [set], the variants and the grid."""
-    sets = (campaign.set, *campaign.variants.values())
-    lists = [*(fields.get("airframes") for fields in sets), *campaign.grid.get("airframes", [])]
-    return [name for names in lists if isinstance(names, list) for name in names]
 
 
 def expand(
     campaign: Campaign,
-    start: Scenario,
+    bases: Sequence[Base],
     code: str | None = None,
     airframes: Mapping[str, dict[str, str]] | None = None,
     parts: OwnParts | None = None,
 ) -> Plan:
-    """All runs of `campaign` on the base scenario `start`.
+    """All runs of `campaign` on its bases, as `bases.bases` reads them.
 
     code       name of the code that flies them; None: this code's
     airframes  `Plan.airframes` of an earlier process; None: computed from the files as they are
@@ -135,40 +126,48 @@ def expand(
     parted = _parted(campaign, roles)
     always = everywhere(roles, parted, f"{campaign.name}: ")
     axes = _axes(campaign, parted)
-    drawn = {".".join(_path(name, "random")): d for name, d in campaign.random.items()}
+    drawn = {".".join(path_within(name, "random")): d for name, d in campaign.random.items()}
     _once(axes, drawn)
-    seeds = campaign.seed_list
-    count = len(seeds)
+    sets = groups(bases)
+    count = len(bases) * len(campaign.seed_list)
     for options in axes.values():
         count *= len(options)
     if count > MOST_RUNS:
         raise UserError(f"{campaign.name}: {count} runs are more than {MOST_RUNS}; thin an axis or the seeds")
+    if campaign.encounters:
+        of_sets: dict[str, dict[Any, Fields]] = {AXIS: {label: {} for label in sets}}
+        axes = of_sets | axes
     code, hashes = code or code_id(), AirframeHashes(airframes)
     cells, runs, variants = [], [], Variants()
     for number, chosen in enumerate(itertools.product(*(o.items() for o in axes.values()))):
         parameters = dict(zip(axes, (label for label, _ in chosen), strict=True))
         fields = dict(pair for _, fields in chosen for pair in fields.items())
-        data = _cell_data(parameters, fields, campaign, start, drawn)
         label = _said({axis: v for axis, v in parameters.items() if len(axes[axis]) > 1}) or "all"
         here = {(role, parameters[_name(role)]) for role in parted}
         varied = (c.name for role, of in parted.items() for c in of if c.own and (role, c.name) in here)
         named = (*always, *varied)
-        cells.append(Cell(number, parameters, label, data, named))
+        cells.append(Cell(number, parameters, label, {}, named))
         given = parts.identity(named) if parts else {}
-        for seed in seeds:
-            draws = {path: draw(d, seed, path) for path, d in drawn.items()}
-            if seed == seeds[0] or draws:
-                where = _said(parameters | ({"seed": seed} if draws else {}), campaign.name)
-                s = variants.add(_with(data, draws, seed), where)
-                _decidable(campaign.guarantee, s, where)
-                _tellable(campaign.requirements.values(), s, where)
-                content, own = identity(s.model_dump(mode="json")), hashes.of(s)
-                flown = [o] if (o := origins(effective(s)) | given) else []
-            asked = [campaign.requirements] if campaign.requirements else []
-            run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own, *flown, *asked])
-            runs.append(Planned(run, number, seed, draws))
+        for k in sets[parameters.get(AXIS, "")]:
+            start = bases[k]
+            cells[-1].fields[k] = _cell_fields(parameters, fields, campaign, start.scenario, drawn)
+            data = _set(start.scenario, cells[-1].fields[k])
+            at = parameters | ({"file": start.file} if start.file else {})
+            seeds = seeds_of(campaign, start)
+            for seed in seeds:
+                draws = {path: draw(d, seed, path) for path, d in drawn.items()}
+                if seed == seeds[0] or draws:
+                    where = _said(at | ({"seed": seed} if draws else {}), campaign.name)
+                    s = variants.add(_with(data, draws, seed), where)
+                    _decidable(campaign.guarantee, s, where)
+                    _tellable(campaign.requirements.values(), s, where)
+                    content, own = identity(s.model_dump(mode="json")), hashes.of(s)
+                    flown = [o] if (o := origins(effective(s)) | given) else []
+                asked = [campaign.requirements] if campaign.requirements else []
+                run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own, *flown, *asked])
+                runs.append(Planned(run, number, seed, draws, k))
     variants.refuse(campaign.name)
-    return Plan(campaign, start, code, cells, runs, hashes.known, parts or OwnParts())
+    return Plan(campaign, bases, code, cells, runs, hashes.known, parts or OwnParts())
 
 
 def _parted(campaign: Campaign, roles: Mapping[str, str]) -> dict[str, list[Choice]]:
@@ -211,11 +210,11 @@ def _axes(campaign: Campaign, parted: Mapping[str, list[Choice]]) -> dict[str, d
         axes[_name(role)] = {c.name: dict(c.fields) for c in chosen}
     if campaign.variants:
         axes["variant"] = {
-            name: {_path(f, f"variants.{name}"): v for f, v in fields.items()}
+            name: {path_within(f, f"variants.{name}"): v for f, v in fields.items()}
             for name, fields in campaign.variants.items()
         }
     for name, values in campaign.grid.items():
-        path = _path(name, "grid")
+        path = path_within(name, "grid")
         dotted = ".".join(path)
         if dotted in axes:
             raise UserError(f"{campaign.name}: grid.{name}: {dotted} is an axis already")
@@ -227,25 +226,28 @@ def _axes(campaign: Campaign, parted: Mapping[str, list[Choice]]) -> dict[str, d
     return axes
 
 
-def _cell_data(
+def _cell_fields(
     parameters: dict[str, Any], fields: Fields, campaign: Campaign, start: Scenario, drawn: Container[str]
-) -> dict[str, Any]:
-    """The scenario of a cell, its remedy's fields included; what remedies there are depends on the others."""
+) -> Fields:
+    """What a cell sets, its remedy's fields included; what remedies there are depends on the others."""
+    if "remedy" not in parameters:
+        return fields
+    name = parameters["remedy"]
+    where = _said({axis: v for axis, v in parameters.items() if axis != "remedy"}, campaign.name)
+    known = named_remedies.catalogue(scenario.settled(_set(start, fields), where)[0])
+    if name not in known:
+        raise UserError(f"{where}: remedies: {name!r} is unknown; {nearest(name, known)}")
+    for dotted in known[name]:
+        if tuple(dotted.split(".")) in fields or dotted in drawn:
+            raise UserError(f"{where}: {dotted} is set by remedy {name!r} and once more")
+    return fields | {tuple(dotted.split(".")): value for dotted, value in known[name].items()}
+
+
+def _set(start: Scenario, fields: Fields) -> dict[str, Any]:
+    """The plain data of a base with a cell's fields set."""
     data = start.model_dump(mode="json")
     for path, value in fields.items():
         assign(data, path, copy.deepcopy(value))
-    if "remedy" not in parameters:
-        return data
-    name = parameters["remedy"]
-    where = _said({axis: v for axis, v in parameters.items() if axis != "remedy"}, campaign.name)
-    known = named_remedies.catalogue(scenario.settled(data, where)[0])
-    if name not in known:
-        raise UserError(f"{where}: remedies: {name!r} is unknown; {nearest(name, known)}")
-    for dotted, value in known[name].items():
-        path = tuple(dotted.split("."))
-        if path in fields or dotted in drawn:
-            raise UserError(f"{where}: {dotted} is set by remedy {name!r} and once more")
-        assign(data, path, value)
     return data
 
 
@@ -259,13 +261,6 @@ def _with(data: dict[str, Any], draws: dict[str, Any], seed: int) -> dict[str, A
     for path, value in draws.items():
         assign(made, tuple(path.split(".")), value)
     return made
-
-
-def _path(name: str, where: str) -> tuple[str, ...]:
-    path = field_path(name, f"{where}.")
-    if path == ("seed",):
-        raise UserError(f"{where}.seed: say seeds and first_seed")
-    return path
 
 
 def _once(axes: dict[str, dict[Any, Fields]], drawn: dict[str, Any]) -> None:
@@ -283,6 +278,6 @@ def _label(value: Any) -> Any:
 
 
 def rounds(plan: Plan) -> Iterator[tuple[int, int]]:
-    """(from, to) places in the list of seeds between looks; one round without a stopping rule."""
-    looks = plan.campaign.stop.looks if plan.campaign.stop else [len(plan.campaign.seed_list)]
+    """(from, to) places among a cell's runs between looks; one round without a stopping rule."""
+    looks = plan.campaign.stop.looks if plan.campaign.stop else [plan.longest]
     return itertools.pairwise([0, *looks])

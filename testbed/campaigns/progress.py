@@ -43,7 +43,8 @@ def progress(plan: Plan, entries: dict[str, dict[str, Any]]) -> Progress:
     active = [c.number for c in plan.cells]
     for number, (first, last) in enumerate(rounds(plan), 1):
         # Seed by seed over all cells: a campaign cut short has compared like with like.
-        made.wanted += [plan.of(cell)[k] for k in range(first, last) for cell in active]
+        each = [plan.of(cell) for cell in active]
+        made.wanted += [of[k] for k in range(first, last) for of in each if k < len(of)]
         if looks is None or not made.complete:
             break
         for cell in active:

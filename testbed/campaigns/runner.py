@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from testbed.campaigns import engine, file, folder, tables
+from testbed.campaigns.bases import bases, kept, read_back
 from testbed.campaigns.distinct import check_distinct
 from testbed.campaigns.file import SCHEMA_VERSION
 from testbed.campaigns.flight import FAILED, blank, fly
 from testbed.campaigns.identity import changed_airframes
 from testbed.campaigns.job import Job
 from testbed.campaigns.outcome import CrashError, Executor, Outcome
-from testbed.campaigns.plan import Plan, Planned, base, expand
+from testbed.campaigns.plan import Plan, Planned, expand
 from testbed.campaigns.progress import Progress, progress
 from testbed.campaigns.sent_parts import OwnParts, SentParts
 from testbed.campaigns.summary import summary
@@ -25,7 +26,6 @@ from testbed.components.versions import versions
 from testbed.errors import UserError
 from testbed.records.store import write_json
 from testbed.scenario import scenario
-from testbed.scenario.location import moved, placed
 
 
 def prepare(source: str, out: Path, overwrite: bool = False, parts: Sequence[NamedPart] = ()) -> Plan:
@@ -36,7 +36,7 @@ def prepare(source: str, out: Path, overwrite: bool = False, parts: Sequence[Nam
     """
     campaign, here = file.load(source)
     own = OwnParts.of(parts)
-    plan = expand(campaign, base(campaign, here), parts=own)
+    plan = expand(campaign, bases(campaign, here), parts=own)
     check_distinct(plan)
     if (out / folder.MANIFEST).is_file():
         found = folder.manifest(out)
@@ -65,9 +65,13 @@ def reopen(out: Path, to_fly: bool = True, parts: Sequence[NamedPart] = ()) -> P
     if found.get("schema_version") != SCHEMA_VERSION:
         raise UserError(f"{out} has schema version {found.get('schema_version')}, not {SCHEMA_VERSION}")
     campaign = file.parse(found["campaign"], str(out / folder.MANIFEST))
-    start = scenario.parse(placed(found["base"], out), str(out / folder.MANIFEST), keep_idle=True)
+    varied = read_back(found, out, str(out / folder.MANIFEST))
     recorded = found.get("airframes")
-    if to_fly and recorded is not None and (changed := changed_airframes(recorded, start.airframes_folder)):
+    if (
+        to_fly
+        and recorded is not None
+        and (changed := changed_airframes(recorded, varied[0].scenario.airframes_folder))
+    ):
         raise UserError(
             f"{out} was begun with other files or gains of airframe {', '.join(changed)}; restore them, or"
             " run the campaign again into another folder; campaign status and report read it as it is"
@@ -77,9 +81,9 @@ def reopen(out: Path, to_fly: bool = True, parts: Sequence[NamedPart] = ()) -> P
     if to_fly and (why := own.changed(known)):
         raise UserError(f"{out} was begun {why}, or run the campaign again into another folder")
     if to_fly:
-        plan = expand(campaign, start, parts=own)
+        plan = expand(campaign, varied, parts=own)
     else:
-        plan = expand(campaign, start, found["code"], recorded, OwnParts(known))
+        plan = expand(campaign, varied, found["code"], recorded, OwnParts(known))
     if (plan.id, plan.code) != (found["id"], found["code"]):
         raise UserError(
             f"{out} was begun by other code or packages (code {found['code']}, now {plan.code}); go on with"
@@ -179,9 +183,10 @@ def _manifest(plan: Plan, out: Path) -> dict[str, Any]:
         "versions": versions(),
         "runs": len(plan.runs),
         "campaign": plan.campaign.model_dump(
-            mode="json", exclude=set() if plan.campaign.requirements else {"requirements"}
+            mode="json",
+            exclude={name for name in ("requirements", "encounters") if not getattr(plan.campaign, name)},
         ),
-        "base": moved(plan.base.model_dump(mode="json"), out),
+        **kept(plan.bases, out),
         "airframes": plan.airframes,
         "parts": {label: dict(of) for label, of in plan.parts.origins.items()},
     }

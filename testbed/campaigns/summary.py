@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from testbed.campaigns.bases import AXIS
 from testbed.campaigns.distinct import distinct_results
 from testbed.campaigns.flight import FAILED, REFUSED
 from testbed.campaigns.progress import Progress
@@ -17,14 +18,14 @@ from testbed.statistics import Quantile, Rate, paired_verdicts, quantile, rate
 def summary(state: Progress) -> list[dict[str, Any]]:
     """Per cell: how many runs there are and how many of them differ; how many lost the guarantee, with the
     Clopper-Pearson interval; its least value, 5 % quantile (interval of order statistics) and median; the
-    pairs of equal seeds against the first cell.
+    pairs of equal seeds, or encounters, against the first cell that has the same.
 
     A run counts as lost unless the guarantee holds: also a refused or failed run, which is counted again as
     such. `distinct` is the number of different results. With a stopping rule the interval is that of the look
     that stopped the cell.
     """
     guarantee = state.plan.campaign.guarantee
-    first: np.ndarray | None = None
+    firsts: dict[str, np.ndarray] = {}
     rows = []
     for cell in state.plan.cells:
         runs = [r for r in state.plan.of(cell.number) if r.id in state.entries]
@@ -58,9 +59,8 @@ def summary(state: Progress) -> list[dict[str, Any]]:
         row |= _arrived(found)
         if (beside := _beside_intruders(guarantee, found)) is not None:
             row["beside_intruders"] = beside
-        if first is None:
-            first = outcomes
-        elif n := min(first.size, outcomes.size):
+        first = firsts.setdefault(str(cell.parameters.get(AXIS, "")), outcomes)
+        if first is not outcomes and (n := min(first.size, outcomes.size)):
             pairs = paired_verdicts(first[:n], outcomes[:n])
             row["against_first"] = {
                 "only_first": pairs.only_first,

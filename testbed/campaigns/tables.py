@@ -20,13 +20,15 @@ def write(path: Path, plan: Plan, flown: Sequence[Planned], entries: dict[str, d
 
 
 def runs(plan: Plan, flown: Sequence[Planned], entries: dict[str, dict[str, Any]]) -> dict[str, list[Any]]:
-    """id, the axes' parameters, draws, seed, status, reason, ended_early, vehicles arrived, and of each
-    guarantee its value and verdict: `separation_value`, `separation_verdict`."""
+    """id, the axes' parameters, draws, the encounter's file, seed, status, reason, ended_early, vehicles
+    arrived, and of each guarantee its value and verdict: `separation_value`, `separation_verdict`."""
     columns: dict[str, list[Any]] = {"id": [r.id for r in flown]}
     for name in plan.cells[0].parameters:
         columns[name] = _alike([plan.cells[r.cell].parameters[name] for r in flown])
     for name in plan.runs[0].draws:
         columns[name] = _alike([r.draws[name] for r in flown])
+    if plan.campaign.encounters:
+        columns["file"] = [plan.bases[r.base].file for r in flown]
     columns["seed"] = [r.seed for r in flown]
     rows = [entries[r.id]["row"] for r in flown]
     for name in ("status", "reason", "ended_early"):

@@ -92,21 +92,23 @@ def status(folder: FolderArg, as_json: JsonOption = False) -> None:
 )
 def check(file: FileArg, parts: PartsOption = None, as_json: JsonOption = False) -> None:
     """Read a campaign file, resolve every run of it, and say how many there are. Flies nothing."""
+    from testbed.campaigns.bases import bases
     from testbed.campaigns.distinct import check_distinct
     from testbed.campaigns.file import load
-    from testbed.campaigns.plan import base, expand
+    from testbed.campaigns.plan import expand
     from testbed.campaigns.sent_parts import OwnParts
 
     campaign, here = load(file)
-    plan = expand(campaign, base(campaign, here), parts=OwnParts.of(named(parts)))
+    plan = expand(campaign, bases(campaign, here), parts=OwnParts.of(named(parts)))
     check_distinct(plan)
     if as_json:
         cells = [cell.label for cell in plan.cells]
         print(json.dumps({"campaign": campaign.name, "runs": len(plan.runs), "cells": cells}, indent=2))
         return
-    print(
-        f"{campaign.name}: {len(plan.runs)} runs, {len(plan.cells)} cells x {len(campaign.seed_list)} seeds"
-    )
+    each = f"{len(campaign.seed_list)} seeds"
+    if campaign.encounters:
+        each = f"up to {plan.longest} encounters" if len(campaign.seed_list) == 1 else f"{each} an encounter"
+    print(f"{campaign.name}: {len(plan.runs)} runs, {len(plan.cells)} cells x {each}")
     for cell in plan.cells:
         print(f"  {cell.label}")
 

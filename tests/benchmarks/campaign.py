@@ -21,8 +21,9 @@ from typing import Any
 import psutil
 
 from testbed.campaigns import file
+from testbed.campaigns.bases import bases
 from testbed.campaigns.folder import journal
-from testbed.campaigns.plan import Plan, base, expand
+from testbed.campaigns.plan import Plan, expand
 from testbed.campaigns.processes import Processes
 from testbed.campaigns.runner import fly_all, prepare
 from testbed.campaigns.view import View
@@ -52,7 +53,7 @@ def measure(runs: int = 40, duration_s: float = 20.0, workers: tuple[int, ...] =
         path = Path(place) / "benchmark.toml"
         path.write_text(TEXT.format(seeds=runs, first=1, duration=duration_s), encoding="utf-8")
         campaign, here = file.load(str(path))
-        bare = _bare(expand(campaign, base(campaign, here)), min(runs, 20))
+        bare = _bare(expand(campaign, bases(campaign, here)), min(runs, 20))
         rows = [_campaign(Path(place), runs, duration_s, count) | {"workers": count} for count in workers]
     for row in rows:
         row["overhead_ms"] = 1e3 * (row["wall_s_per_run"] * row["workers"] - bare["wall_s_per_run"])
