@@ -153,7 +153,7 @@ def test_overrides_and_axes_name_vehicles_by_number(tmp_path):
     grid = {"vehicle.1.limits.v_max_mps": [22, 24]}
     told = campaign({"name": "c", "scenario": path, "seeds": 1, "grid": grid}, "c")
     plan = expand(told, bases(told, tmp_path))
-    assert [c.data["vehicle"][0]["limits"]["v_max_mps"] for c in plan.cells] == [22, 24]
+    assert [plan.varied(c, 0)["vehicle"][0]["limits"]["v_max_mps"] for c in plan.cells] == [22, 24]
 
 
 def brute(gamma, state, d_safe):

@@ -67,11 +67,8 @@ def reopen(out: Path, to_fly: bool = True, parts: Sequence[NamedPart] = ()) -> P
     campaign = file.parse(found["campaign"], str(out / folder.MANIFEST))
     varied = read_back(found, out, str(out / folder.MANIFEST))
     recorded = found.get("airframes")
-    if (
-        to_fly
-        and recorded is not None
-        and (changed := changed_airframes(recorded, varied[0].scenario.airframes_folder))
-    ):
+    home = varied[0].scenario.airframes_folder
+    if to_fly and recorded is not None and (changed := changed_airframes(recorded, home)):
         raise UserError(
             f"{out} was begun with other files or gains of airframe {', '.join(changed)}; restore them, or"
             " run the campaign again into another folder; campaign status and report read it as it is"
