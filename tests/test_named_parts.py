@@ -264,7 +264,7 @@ def test_a_scenario_names_installed_parts_and_no_files(here: Path, monkeypatch: 
     own = testbed.run(scenario, parts=Parts.of(read(["mine.py:itself"])))
     assert own.manifest["parts"]["filter"]["name"] == "mine.itself"
     for field, said in {
-        "filter.kind=slow-dawn": "'navigation', 'flow', 'none' or 'slow-down', got 'slow-dawn'",
+        "filter.kind=slow-dawn": "'none' or 'slow-down', got 'slow-dawn'",
         "guidance.kind=slow-down": "or 'straight', got 'slow-down'",
         "plant=mine.py:Glider": "'jsbsim' or 'brick', got 'mine.py:Glider'",
         "filter.kind=installed": "installed: 'slow-down'",

@@ -151,7 +151,7 @@ def _admissible(f: Flown, v: Verdict) -> Verdict:
 def _feasibility(f: Flown, v: Verdict) -> Verdict:
     if f.statistics.foreign:
         return own_filter.feasibility(f.statistics, v, f.end)
-    if f.scenario.filter.kind == "flow":
+    if f.scenario.filter.kind in ("flow", "receding-horizon"):
         return v.but(why=registry.NOT_ITS_CLAIM)
     if f.scenario.filter.kind not in QP_FILTERS or f.statistics.without_qp:
         return v.but(why="the filter solves no QP")

@@ -1,4 +1,4 @@
-"""Turns what a filter recorded of its own claims into verdicts: the theorem monitor, and the flow filter."""
+"""Turns what a filter recorded of its own claims into verdicts: theorem monitor, flow filter, rivals."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from filters.cbf.theorem_monitor import theorem_checks
 from filters.filter import MonitorRecord
 from filters.flow.flow_filter import flow_checks
+from filters.rivals.gatekeeper import plan_checks
 from testbed.claims.registry import check_claim, check_id
 from testbed.records.verdict import Status, Verdict
 from testbed.scenario.scenario import Scenario
@@ -16,7 +17,19 @@ OF_THE_FLOW = tuple(
     check_claim(name, check.claim, f"F{k}", "the flow filter's own theorem, docs/guide/flow.md")
     for k, (name, check) in enumerate(flow_checks().items(), 1)
 )
-RECORDED = {claim.id: claim for claim in (*MONITORED, *OF_THE_FLOW)}
+OF_PLANS = tuple(
+    check_claim(name, check.claim, f"R{k}", "what is committed to is safe for ever, docs/guide/rivals.md")
+    for k, (name, check) in enumerate(plan_checks().items(), 1)
+)
+# The backup filter watches the flow's first claim alone, of the same flow.
+OF_KINDS = {
+    "flow": OF_THE_FLOW,
+    "backup": OF_THE_FLOW[:1],
+    "gatekeeper": OF_PLANS,
+    "receding-horizon": OF_PLANS,
+}
+"""Kind of filter -> what it promises beside or instead of the paper's claims, as it records it."""
+RECORDED = {claim.id: claim for claim in (*MONITORED, *OF_THE_FLOW, *OF_PLANS)}
 # Of the monitor's checks, those that are premises of a theorem, not conclusions: one that fails violates
 # nothing.
 PREMISES = ("aligned", "aligned_limited", "gradient", "flow_wind")

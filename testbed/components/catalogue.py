@@ -18,7 +18,7 @@ from filters.cbf.intruders import Intruders
 from filters.cbf.theorem_monitor import Monitor
 from filters.filter import Choose, Filter
 from filters.model import Array, Command, Limits
-from testbed.components import remedies
+from testbed.components import remedies, rivals
 from testbed.components.barriers import MAKERS
 from testbed.components.fences import fences
 from testbed.components.following.arrival import CircleAtGoal
@@ -151,6 +151,10 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
         raise UserError(f"filter: {error}") from None
 
 
+def _plans(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    return rivals.plans_filter(s, b, lags(s))
+
+
 def _passthrough(s: Scenario, b: Barrier, goal: Array) -> Filter:
     return Passthrough()
 
@@ -160,6 +164,9 @@ FILTERS: dict[str, Callable[[Scenario, Barrier, Array], Filter]] = {
     "limited": _collision,
     "navigation": _navigation,
     "flow": _flow,
+    "backup": _plans,
+    "gatekeeper": _plans,
+    "receding-horizon": _plans,
     "none": _passthrough,
 }
 
@@ -266,7 +273,7 @@ def airframe_hashes(s: Scenario, loaded: Sequence[Any] = ()) -> dict[str, str]:
     loaded  `airframes(s)`, where they have been loaded
     """
     lags = s.lags.source == "airframe" and (
-        s.plant == "lagged" or s.remedy.predict_lags or s.filter.kind == "flow"
+        s.plant == "lagged" or s.remedy.predict_lags or s.filter.kind in control.MODELS_LAGS
     )
     if s.plant != "jsbsim" and not lags:
         return {}

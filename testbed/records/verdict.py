@@ -17,6 +17,7 @@ class Kind(Enum):
     OWN = "O"
     MONITOR = "M"
     FLOW = "F"
+    RIVAL = "R"
 
 
 class Status(StrEnum):

@@ -26,6 +26,7 @@ HEADINGS = {
     Kind.PREMISE: PREMISES,
     Kind.OWN: "What a filter of the user's own promises by its declaration",
     Kind.FLOW: "What the flow filter's own theorem says",
+    Kind.RIVAL: "What the filter of other authors promises on its model",
 }
 GUARANTEES = "Guarantees"
 _FENCE = FENCE_CLEARANCE.id

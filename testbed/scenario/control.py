@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 from testbed.scenario.fields import NonNegative, Positive, Section
 from testbed.scenario.installed import installed
 from testbed.scenario.kinds import INSTALLED, Kinds
+from testbed.scenario.rivals import Backup, Gatekeeper, RecedingHorizon
 
 
 class _QP(Section):
@@ -74,6 +75,9 @@ class InstalledFilter(Section):
     kind: Annotated[str, AfterValidator(installed("filter"))]
 
 
+MODELS_LAGS = ("flow", "backup", "gatekeeper", "receding-horizon")
+"""Kinds of filters that know how the vehicles' channels lag, and whose claims are of that model."""
+
 FILTERS = Kinds(
     "kind",
     "centralised",
@@ -82,6 +86,9 @@ FILTERS = Kinds(
         "limited": Limited,
         "navigation": NavigationFunction,
         "flow": Flow,
+        "backup": Backup,
+        "gatekeeper": Gatekeeper,
+        "receding-horizon": RecedingHorizon,
         "none": NoFilter,
     },
     {
@@ -89,6 +96,9 @@ FILTERS = Kinds(
         "limited": "the limited filter",
         "navigation": "the navigation function, which solves no QP",
         "flow": "the flow filter",
+        "backup": "the backup filter",
+        "gatekeeper": "the gatekeeper filter",
+        "receding-horizon": "the receding-horizon filter",
         "none": "filter 'none', which solves no QP",
     },
     role="filter",
@@ -99,6 +109,9 @@ Filter = Annotated[
     | Annotated[Limited, Tag("limited")]
     | Annotated[NavigationFunction, Tag("navigation")]
     | Annotated[Flow, Tag("flow")]
+    | Annotated[Backup, Tag("backup")]
+    | Annotated[Gatekeeper, Tag("gatekeeper")]
+    | Annotated[RecedingHorizon, Tag("receding-horizon")]
     | Annotated[NoFilter, Tag("none")]
     | Annotated[InstalledFilter, Tag(INSTALLED)],
     Discriminator(FILTERS.tag),

@@ -12,6 +12,7 @@ from typing import Any
 
 from testbed.scenario import fleet
 from testbed.scenario.contents import Contents
+from testbed.scenario.control import MODELS_LAGS
 from testbed.scenario.fields import Section
 from testbed.scenario.installed import PLANTS
 
@@ -63,7 +64,7 @@ def _knows_lags(s: Contents) -> bool:
 
 def _models_lags(s: Contents) -> bool:
     """Whether the filter knows how the vehicles' channels lag."""
-    return s.remedy.predict_lags or s.filter.kind == "flow"
+    return s.remedy.predict_lags or s.filter.kind in MODELS_LAGS
 
 
 def _late(s: Contents) -> bool:
@@ -166,7 +167,7 @@ RULES = (
         ("lags.*",),
         _knows_lags,
         "plant {plant!r} has no such lags; plant = 'lagged' takes it, and so do remedy.predict_lags = true"
-        " and filter.kind = 'flow' on any plant but 'jsbsim'",
+        " and filter.kind = 'flow', 'backup', 'gatekeeper' or 'receding-horizon' on any plant but 'jsbsim'",
     ),
     Rule(
         ("wind.towards_deg",),

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from testbed.scenario.barrier import Barrier, Turn
-from testbed.scenario.control import Centralised, Filter, Limited
+from testbed.scenario.control import MODELS_LAGS, Centralised, Filter, Limited
 from testbed.scenario.fields import NonNegative, Positive, Section
 
 # Remedies that change what the filter's barrier is built from, not its QPs.
@@ -67,7 +67,9 @@ class Remedy(Section):
     def check(self, filter_: Filter, barrier: Barrier) -> None:
         """Raises ValueError naming the first remedy that this filter or barrier cannot take."""
         for name in self.chosen:
-            if filter_.kind in ("none", "flow") or (filter_.kind == "navigation" and name != "prediction_s"):
+            if filter_.kind in ("none", *MODELS_LAGS) or (
+                filter_.kind == "navigation" and name != "prediction_s"
+            ):
                 raise ValueError(f"remedy.{name}: filter '{filter_.kind}' cannot take it")
             if isinstance(filter_, Centralised | Limited) and filter_.monitor and name not in OF_THE_BARRIER:
                 raise ValueError(f"remedy.{name}: filter.monitor checks the paper's own QPs; set it to false")

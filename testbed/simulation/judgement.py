@@ -32,6 +32,7 @@ from testbed.records.run import Run
 from testbed.records.store import SCHEMA_VERSION
 from testbed.records.verdict import Verdict
 from testbed.scenario import guidance_rules
+from testbed.scenario.control import MODELS_LAGS
 from testbed.scenario.scenario import Scenario
 from testbed.simulation.assembly import Assembled, Setting
 from testbed.simulation.leaving import Leaving
@@ -76,7 +77,7 @@ def judge(
     if made and isinstance(made.filter, OwnFilter) and made.filter.declared:
         manifest["declared"] = made.filter.declared
         verdicts = own_filter.judged_by_its_own(verdicts, s, statistics, setting.i, setting.j, end)
-    elif s.filter.kind == "flow" and "filter" not in own:
+    elif s.filter.kind in MODELS_LAGS and "filter" not in own:
         verdicts = own_filter.excused(verdicts, registry.excused(declared=False, flow=True))
     if left is not None:
         manifest["left_s"] = left.summary()

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from testbed.claims import registry
-from testbed.claims.monitored import MONITORED, OF_THE_FLOW
+from testbed.claims.monitored import MONITORED, OF_KINDS
 from testbed.errors import UserError
 from testbed.verification import departed, fleet
 from testbed.verification.columns import columns, ending
@@ -124,8 +124,8 @@ def _entries(run: Recorded) -> Finding:
         claims += registry.RANGES
     if s["filter"].get("monitor") and "filter" not in run.parts and s["filter"]["kind"] in SOLVING:
         claims += MONITORED
-    if s["filter"]["kind"] == "flow" and "filter" not in run.parts:
-        claims += OF_THE_FLOW
+    if "filter" not in run.parts:
+        claims += OF_KINDS.get(s["filter"]["kind"], ())
     due = {claim.id: claim.number for claim in claims}
     said = [(e["id"], e["number"]) for e in run.entries]
     odd = sorted(

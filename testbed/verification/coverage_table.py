@@ -212,6 +212,7 @@ def _reports_h(run: Recorded) -> bool:
 
 _LABEL = _no("a label")
 # By field, or by table ("wind.").
+_PLANS = "what vehicles committed to is not recorded"
 SCENARIO = {
     "schema_version": _by("scenario"),
     "name": _LABEL,
@@ -237,9 +238,9 @@ SCENARIO = {
     "guidance.": _by("nominal", otherwise="what the controller saw is not recorded"),
     "filter.solver": _no("solvers find the same solution"),
     "filter.monitor": _by("entries"),
-    "filter.margin_m": _by("F1 monitor-flow_clear"),
-    "filter.trust": _by("F1 monitor-flow_clear"),
-    "filter.kappa": _by("F2 monitor-flow_step"),
+    "filter.margin_m": _by("F1 monitor-flow_clear", otherwise=_PLANS),
+    "filter.trust": _by("F1 monitor-flow_clear", otherwise=_PLANS),
+    "filter.kappa": _by("F2 monitor-flow_step", otherwise=_PLANS),
     "filter.": replace(_ROWS, needs=_altered),
     "barrier.gradient": _FILTER,
     "barrier.gradient_step": _FILTER,

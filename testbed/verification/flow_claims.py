@@ -1,4 +1,4 @@
-"""Checks the flow filter's claims F1 to F3: flies the lagging vehicles on in steps of 5 ms.
+"""Checks the flow filter's claims F1 to F3, and R1 of rivals: flies the lagging vehicles on in steps of 5 ms.
 
 Every channel is stepped by the law of a first-order lag after a delay with a bounded rate, each step split
 where a new command is heard; positions are summed over the steps. Once all channels have settled, what is
@@ -24,6 +24,7 @@ from testbed.verification.rows import Rows
 
 CLEAR, STEP, WIND = "monitor-flow_clear", "monitor-flow_step", "monitor-flow_wind"
 BOUNDS = {CLEAR: 0.0, STEP: -2e-3}
+PLANS, PLANS_BOUND = "monitor-plan_clear", -0.01
 SPARE_MPS = 1.0
 
 STEP_S = 0.005
@@ -56,8 +57,12 @@ class Lagging:
 
 
 def flow_claims(rows: Rows) -> Iterator[Finding]:
-    """The findings of F1, F2 and F3."""
+    """The findings of F1, F2, F3 and R1."""
     run = rows.run
+    if PLANS in run.guarantees:
+        judge = Judge(run, run.guarantees[PLANS])
+        follows(judge, PLANS_BOUND)
+        yield judge.done("unknown", None, True, "what vehicles committed to is not recorded")
     if WIND in run.guarantees:
         yield _wind(run, Judge(run, run.guarantees[WIND]))
     names = [id for id in BOUNDS if id in run.guarantees]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from testbed.verification import fleet
-from testbed.verification.finding import Finding
+from testbed.verification.finding import OWN_MODEL, Finding
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
 from testbed.verification.settings import alpha, box
@@ -33,7 +33,7 @@ def minimal(rows: Rows) -> Finding:
     said = f"{int((change > OVERRIDE).sum())} altered"
     if "filter" in run.parts:
         return Finding("minimal", said, "unknown", None, None, "the filter was not the scenario's")
-    if (kind := s["filter"]["kind"]) in ("navigation", "flow"):
+    if (kind := s["filter"]["kind"]) in ("navigation", *OWN_MODEL):
         why = "the navigation function is not computed again" if kind == "navigation" else FLOW
         return Finding("minimal", said, "unknown", None, None, why)
     altered = change > OVERRIDE

@@ -8,7 +8,7 @@ import numpy as np
 
 from testbed.verification import fleet
 from testbed.verification.filter_claims import FAILED, ROW_ALLOWED
-from testbed.verification.finding import Finding
+from testbed.verification.finding import PLANNING, Finding
 from testbed.verification.future import manoeuvre
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
@@ -36,12 +36,20 @@ def _statuses(rows: Rows) -> Finding:
     """Every QP has a known status; vehicles whose QP had no solution flew the evading manoeuvre."""
     run, s = rows.run, filters_own(rows.s)
     status = run.vehicles["qp_status"]
-    known = ["solved", *FAILED] if rows.solves or s["filter"]["kind"] == "flow" else ["none"]
+    known = ["solved", *FAILED] if rows.solves or s["filter"]["kind"] in PLANNING else ["none"]
     known += ["none"] if "filter" in run.parts else []
     odd = int((~np.isin(status, known) & run.present)[:, fleet.under(s)].sum())
     odd += int(((status != "none") & ~run.present).sum())
     failed, lost = np.isin(status, FAILED), 0
-    if failed.any() and not s["barrier"].get("pairs") and not run.parts and not s["remedy"]["air_mass"]:
+    # A rival without a solution flies on along its plan, which is not recorded.
+    plans = s["filter"]["kind"] == "receding-horizon"
+    if (
+        failed.any()
+        and not plans
+        and not s["barrier"].get("pairs")
+        and not run.parts
+        and not s["remedy"]["air_mass"]
+    ):
         gamma = np.clip(manoeuvre(s), *box(s))
         lost = int((failed & (np.abs(run.command - gamma).max(axis=-1) > 1e-9)).sum())
     words = [f"{odd} are not {' or '.join(known)}"] if odd else []
