@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,10 +48,8 @@ class Fdm:
             if manager.get_node(path) is None:
                 toml = str(airframe.folder / "airframe.toml")
                 raise FdmError(f"{toml}: surfaces.{name}: the model has no property {path}", toml)
-        telemetry = TELEMETRY | {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
-        self.channels = tuple(telemetry)
-        self._readings = tuple(self.node(path).get_double_value for path, _, _ in telemetry.values())
-        self.units = np.array([[k, offset] for _, k, offset in telemetry.values()])
+        self.channels = Channels.of(airframe)
+        self._readings = tuple(self.node(path).get_double_value for path in self.channels.paths)
         for name, value in values_of(airframe).items():
             self.node(property_name(name)).set_double_value(value)
         self._position = tuple(n[k].get_double_value for k in ("x", "y", "z", "altitude"))
@@ -201,14 +200,34 @@ class Fdm:
 
     def telemetry(self) -> dict[str, float]:
         """The channels of `TELEMETRY` and the airframe's surfaces, SI."""
-        return {name: float(x[0]) for name, x in telemetry(self.readings(), self).items()}
+        return {name: float(x[0]) for name, x in telemetry(self.readings(), self.channels).items()}
 
 
-def telemetry(readings: Sequence[float], like: Fdm) -> dict[str, Array]:
-    """`Fdm.telemetry` of N vehicles with the channels of one, (N,) each; `readings` one after another."""
-    factor, offset = like.units.T
-    rows = np.array(readings).reshape(-1, factor.size)
-    now = dict(zip(like.channels, (rows * factor + offset).T.copy(), strict=True))
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """The channels of an airframe's telemetry.
+
+    names, paths    of each channel, and its property
+    factor, offset  (C,) what makes it SI
+    """
+
+    names: tuple[str, ...]
+    paths: tuple[str, ...]
+    factor: Array
+    offset: Array
+
+    @classmethod
+    def of(cls, airframe: Airframe) -> Channels:
+        """Those of `TELEMETRY`, and the airframe's surfaces."""
+        told = TELEMETRY | {name: (path, 1.0, 0.0) for name, path in airframe.surfaces.items()}
+        paths, factor, offset = zip(*told.values(), strict=True)
+        return cls(tuple(told), paths, np.array(factor), np.array(offset))
+
+
+def telemetry(readings: Sequence[float] | Array, channels: Channels) -> dict[str, Array]:
+    """`Fdm.telemetry` of N vehicles with these channels, (N,) each; `readings` one vehicle after another."""
+    rows = np.array(readings).reshape(-1, channels.factor.size)
+    now = dict(zip(channels.names, (rows * channels.factor + channels.offset).T.copy(), strict=True))
     heading = now["heading_rad"]
     heading -= 2 * np.pi * np.rint(heading / (2 * np.pi))
     return now

@@ -9,16 +9,12 @@ import numpy as np
 
 from aircraft.airframes.schema import Airframe
 from aircraft.airframes.sensors import sensors_of
-from aircraft.jsbsim.fdm import Fdm, telemetry
-from aircraft.jsbsim.geodesy import M_PER_FT, Origin, motion, positions
+from aircraft.jsbsim.fdm import Channels, Fdm, telemetry
+from aircraft.jsbsim.geodesy import Origin, positions
 from aircraft.jsbsim.rest import Start
+from aircraft.jsbsim.stepping.group import NOT_FINITE, Group
+from aircraft.jsbsim.stepping.shares import Shares
 from filters.model import Array, Command, State
-
-NOT_FINITE = "state not finite"
-_GROUND_CONTACT_M = 0.3  # below this the belly skids touch
-# Loss of control. The autopilot keeps alpha below alpha_max; at twice that both our wings are past the stall
-# (X8 0.40 of 0.27 rad, Rascal 0.34 of 0.23). A gust's moment of it is no stall, and no command banks so far.
-_STALL_SHARE, _STALL_S, _UPSET_RAD = 2.0, 0.1, math.radians(100.0)
 
 
 class JsbsimFleet:
@@ -28,6 +24,8 @@ class JsbsimFleet:
     dt           FDM and autopilot period [s]
     origin       where x = y = z = 0 is
     turbulence   JSBSim's own: wind at 20 ft [m/s] and severity, as in `Fdm.turbulence`; None flies without
+    workers      processes that load, trim and step the aircraft, this one among them: the same numbers, to
+                 the last bit, for any
     A vehicle that meets a fault stays where it was last well, and the others fly on.
     """
 
@@ -37,16 +35,34 @@ class JsbsimFleet:
         dt: float = 0.005,
         origin: Origin | None = None,
         turbulence: tuple[float, int] | None = None,
+        workers: int = 1,
     ) -> None:
         if not airframes:
             raise ValueError("a fleet needs at least one airframe")
         if not dt > 0:
             raise ValueError(f"the FDM period must be positive, got {dt} s")
+        if workers < 1:
+            raise ValueError(f"a fleet needs at least one worker, got {workers}")
         self.airframes = list(airframes)
         self.dt = dt
         self.origin = origin or Origin()
+        self.workers = min(workers, len(self.airframes))
         self._turbulence = turbulence
-        self.vehicles: list[Fdm] = []  # empty until reset
+        kinds = {id(airframe): Channels.of(airframe) for airframe in self.airframes}
+        self._channels = [kinds[id(airframe)] for airframe in self.airframes]
+        self._alike = len({channels.names for channels in kinds.values()}) == 1
+        self._group = Group([], dt, self.origin, turbulence)  # this process's own, once there is a flight
+        self._others: Shares | None = None  # those of worker processes
+
+    @property
+    def vehicles(self) -> list[Fdm]:
+        """The aircraft that this process steps; empty until `reset`."""
+        return self._group.vehicles
+
+    @property
+    def pids(self) -> list[int]:
+        """Of the worker processes beside this one."""
+        return [] if self._others is None else self._others.pids
 
     def reset(
         self,
@@ -59,60 +75,65 @@ class JsbsimFleet:
 
         wind   m/s, (3,) or (N, 3): what the trim, and so the crab angle, is for
         speed  ground speed [m/s], one or (N,)
-        Raises  RuntimeError if there is no steady flight at that speed in that wind.
+        Raises  RuntimeError if there is no steady flight at that speed in that wind, or no worker starts.
         """
         if len(state) != len(self.airframes):
             raise ValueError(f"{len(self.airframes)} airframes cannot start at {len(state)} poses")
         if not np.all(state.isfinite()):
             raise ValueError(f"the start must be finite, got {state}")
         n = len(state)
-        speeds = np.broadcast_to(np.asarray(speed, dtype=float), (n,))
-        winds = np.broadcast_to(np.asarray(wind, dtype=float), (n, 3))
-        self.vehicles = [Fdm(airframe, self.dt, self.origin) for airframe in self.airframes]
-        for vehicle, x, y, theta, z, v, air in zip(
-            self.vehicles,
-            *state.array().T.tolist(),
-            speeds.tolist(),
-            winds.tolist(),
-            strict=True,
-        ):
-            vehicle.start(Start(x, y, z, theta, v, wind=tuple(air)))
-            if self._turbulence:
-                vehicle.turbulence(*self._turbulence, seed=int(rng.integers(1, 2**31)))
-            elif sensors_of(vehicle.airframe.sensors).noisy:
-                vehicle.seed(int(rng.integers(1, 2**31)))
+        speeds = np.broadcast_to(np.asarray(speed, dtype=float), (n,)).tolist()
+        winds = np.broadcast_to(np.asarray(wind, dtype=float), (n, 3)).tolist()
+        poses = zip(*state.array().T.tolist(), strict=True)
+        starts = [
+            Start(x, y, z, theta, v, wind=tuple(air))
+            for (x, y, theta, z), v, air in zip(poses, speeds, winds, strict=True)
+        ]
+        seeds = [
+            int(rng.integers(1, 2**31)) if self._turbulence or sensors_of(a.sensors).noisy else None
+            for a in self.airframes
+        ]
+        self.close()
         self._faults = [""] * n
-        self._alike = len({f.channels for f in self.vehicles}) == 1  # the same channels
-        most = [a.gain_values().get("envelope_alpha_max_rad", math.inf) for a in self.airframes]
-        self._stall, self._stalled_s = [_STALL_SHARE * alpha for alpha in most], [0.0] * n
-        self._axes = self.origin.axes.tolist()
-        # course [rad], ground speed [m/s], course rate [rad/s] and climb rate [m/s] of each
-        self._moves = [(theta, 0.0, 0.0, 0.0) for theta in state.theta.tolist()]
         self._winds: list[list[float]] = []
         # Readings for the telemetry, if taken already; whether telemetry was asked for at this instant.
-        self._readings: list[float] = []
+        self._readings: list[float] | Array = []
         self._telling = False
-        for i in range(n):
-            self._moves[i] = self._motion(i)
-        self._take(positions([x for f in self.vehicles for x in f.position()], self.origin))
+        own, flying = -(-n // self.workers), (self.dt, self.origin, self._turbulence)
+        try:
+            if self.workers > 1:
+                counts = [len(channels.names) for channels in self._channels]
+                told = self.airframes, starts, seeds, counts
+                self._others = Shares(own, self.workers - 1, *told, *flying)
+            self._group = Group(self.airframes[:own], *flying)
+            self._group.start(starts[:own], seeds[:own])
+            rows: list[float] | Array = self._group.position()
+            if self._others is not None:
+                self._others.wait()
+                rows = self._others.beside(rows, 1, [True] * n)
+        except BaseException:
+            self.close()
+            raise
+        self._take(positions(rows, self.origin))
 
     def step(self, command: Command, wind: Array, n: int) -> Array:
         """Fly `command` (N,) for n periods in `wind` (N, 3); returns positions (n, N, 3). NaN is refused."""
         asked, winds = self._asked(command, wind)
         flying = [not fault for fault in self._faults]
-        rows: list[float] = []
-        # Telemetry asked for last time is mostly asked for again: reading it now takes a third of what it
-        # takes later, when the aircraft has left the processor's cache.
-        telling, self._readings, self._telling = self._telling and self._alike, [], False
-        for i, vehicle in enumerate(self.vehicles):
-            if flying[i]:
-                vehicle.command(*asked[i])
-                east, north, up = winds[i]
-                flown = vehicle.run((east, north, up), n)
-                rows += flown
-                self._arrive(i, flown, n * self.dt)
-            if telling:
-                self._readings += vehicle.readings()
+        # Telemetry asked for last time is mostly asked for again.
+        readings: list[float] | None = [] if self._telling and self._alike else None
+        self._readings, self._telling = [], False
+        if self._others is None:
+            rows: list[float] | Array = self._group.step(asked, winds, n, readings)
+            self._faults, self._readings = list(self._group.faults), readings or []
+        else:
+            self._others.step(asked, np.array(winds), n, readings is not None)
+            rows = self._group.step(asked, winds, n, readings)
+            self._others.wait()
+            rows = self._others.beside(rows, n, flying)
+            self._faults = self._group.faults + self._others.faults()
+            if readings:
+                self._readings = self._others.readings_beside(readings)
         track = positions(rows, self.origin).reshape(-1, n, 3).swapaxes(0, 1)
         if not all(flying):
             moved, track = track, np.tile(self._position, (n, 1, 1))
@@ -128,7 +149,7 @@ class JsbsimFleet:
         self, command: Command, wind: Array
     ) -> tuple[list[tuple[float, float, float]], list[list[float]]]:
         """Commands and winds as plain numbers, one a vehicle; raises ValueError if one is not finite."""
-        n = len(self.vehicles)
+        n = len(self._faults)
         if command.shape != (n,):
             command = Command.of(np.broadcast_to(command.array(), (n, 3)))
         if getattr(wind, "shape", ()) != (n, 3):
@@ -143,44 +164,12 @@ class JsbsimFleet:
         self._winds = winds
         return asked, winds
 
-    def _arrive(self, i: int, flown: list[float], period: float) -> None:
-        """Take in where vehicle i has flown in `period` [s], how it moves, and whether it met a fault.
-
-        A vehicle that has met a fault keeps the course it had and is at rest.
-        flown  rows of `Fdm.run`
-        """
-        moves = self._motion(i)
-        if math.isfinite(sum(flown) + sum(moves)):
-            fault = self._lost(i, flown[-1] * M_PER_FT - self.origin.ground_m, period)
-        else:
-            fault = NOT_FINITE
-        if fault:
-            self._faults[i], moves = fault, (self._moves[i][0], 0.0, 0.0, 0.0)
-        self._moves[i] = moves
-
-    def _lost(self, i: int, height: float, period: float) -> str:
-        """The fault that vehicle i met, `height` [m] above ground, over `period` [s]; "" for none."""
-        if height < _GROUND_CONTACT_M:
-            return "hit the ground"
-        alpha, roll = self.vehicles[i].upset()
-        if abs(roll) > _UPSET_RAD:
-            return "upset"
-        self._stalled_s[i] = self._stalled_s[i] + period if alpha > self._stall[i] else 0.0
-        return "stalled" if self._stalled_s[i] > _STALL_S else ""
-
-    def _motion(self, i: int) -> tuple[float, float, float, float]:
-        """Course of vehicle i, counting turns, and its rates."""
-        course, v, omega, zeta = motion(self.vehicles[i].motion(), self._axes)
-        before = self._moves[i][0]
-        turned = course - before
-        if math.isfinite(turned):
-            course = before + (turned - 2 * math.pi * round(turned / (2 * math.pi)))
-        return course, v, omega, zeta
-
     def _take(self, position: Array) -> None:
         """Be at `position` (N, 3) m, with the courses and rates that the vehicles have."""
         self._position = position
-        now = np.array(self._moves)
+        now = np.array(self._group.moves)
+        if self._others is not None:
+            now = np.concatenate([now, self._others.moves()])
         position.flags.writeable = now.flags.writeable = False  # handed out more than once
         self._state = State(position[:, 0], position[:, 1], now[:, 0], position[:, 2])
         self._achieved = Command.of(now[:, 1:])
@@ -201,20 +190,31 @@ class JsbsimFleet:
     def telemetry(self) -> dict[str, Array]:
         """The channels of `properties.TELEMETRY` and all surfaces, (N,); NaN where there is none."""
         self._telling = True
+        if not len(self._readings):
+            self._readings = self._group.readings()
+            if self._others is not None:
+                self._others.read()
+                self._readings = self._others.readings_beside(self._readings)
         if self._alike:
-            self._readings = self._readings or [x for f in self.vehicles for x in f.readings()]
-            return telemetry(self._readings, self.vehicles[0])
-        rows = [f.telemetry() for f in self.vehicles]
+            return telemetry(self._readings, self._channels[0])
+        rows, start = [], 0
+        for channels in self._channels:
+            end = start + len(channels.names)
+            rows.append(telemetry(self._readings[start:end], channels))
+            start = end
         names = dict.fromkeys(name for row in rows for name in row)
-        return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+        return {name: np.array([row[name][0] if name in row else np.nan for row in rows]) for name in names}
 
     def faults(self) -> list[str]:
         """Per vehicle "", "state not finite", "hit the ground", "stalled" (alpha) or "upset" (bank)."""
         return list(self._faults)
 
     def close(self) -> None:
-        """Release the aircraft."""
-        self.vehicles = []
+        """Release the aircraft, and end the worker processes."""
+        self._group = Group([], self.dt, self.origin, self._turbulence)
+        if self._others is not None:
+            self._others.close()
+            self._others = None
 
     def __len__(self) -> int:
         return len(self.airframes)

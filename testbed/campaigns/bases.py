@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 from testbed.campaigns.file import Campaign
 from testbed.campaigns.identity import content_id
-from testbed.errors import UserError
+from testbed.errors import NoteWarning, UserError
 from testbed.scenario import scenario
 from testbed.scenario.location import identity, moved, placed
 from testbed.scenario.overrides import assign
@@ -18,6 +19,7 @@ from testbed.scenario.scenario import Scenario, field_path
 
 # The axis of sets of encounters.
 AXIS = "encounters"
+ONE_EACH = "a campaign's workers step each run's aircraft alone, and share the processors among runs"
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,8 @@ def path_within(name: str, where: str) -> tuple[str, ...]:
     path = field_path(name, f"{where}.")
     if path == ("seed",):
         raise UserError(f"{where}.seed: say seeds and first_seed")
+    if path == ("rates", "workers"):
+        raise UserError(f"{where}.rates.workers: {ONE_EACH}")
     return path
 
 
@@ -124,6 +128,8 @@ def _scenario(campaign: Campaign, source: str, folder: Path) -> Scenario:
     """A scenario with the campaign's [set]; a path in it is meant from `folder`."""
     said = scenario.tables(scenario.read(source), source)
     file = scenario.parse(placed(said, *scenario.homes(source)), source, keep_idle=True)
+    if file.rates.workers != "auto":
+        warnings.warn(NoteWarning(f"{source}: rates.workers is left out: {ONE_EACH}"), stacklevel=2)
     data = file.model_dump(mode="json")
     asked = [path_within(name, "set") for name in campaign.set]
     for path, value in zip(asked, campaign.set.values(), strict=True):

@@ -18,6 +18,7 @@ from typing import Any
 
 from testbed.campaigns.outcome import CrashError, Outcome
 from testbed.campaigns.transfer import answered
+from testbed.components.fleet_workers import VARIABLE
 
 # A job that crashes its process is tried once more. A job whose process is killed from outside is tried
 # more often: it is not to blame, unless it runs out of memory, and then it is killed every time.
@@ -27,8 +28,14 @@ FAILED_STARTS, KILLED_STARTS = 3, 50
 OUTSIDE = {
     -getattr(signal, name) for name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name)
 }
-# There is one process per core: threads within linear algebra would only slow the others down.
-ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+# There is one process per core: threads within linear algebra, and processes that step a run's aircraft,
+# would only slow the others down.
+ENVIRONMENT = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    VARIABLE: "1",
+}
 BOOT = "import sys; sys.path[:] = {path!r}; from testbed.campaigns.worker import main; main()"
 
 

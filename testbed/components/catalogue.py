@@ -21,6 +21,7 @@ from filters.model import Array, Command, Limits
 from testbed.components import remedies, rivals
 from testbed.components.barriers import MAKERS
 from testbed.components.fences import fences
+from testbed.components.fleet_workers import fleet_workers
 from testbed.components.following.arrival import CircleAtGoal
 from testbed.components.following.making import Fleet, fleet_guidance
 from testbed.components.guidance import Guidance
@@ -214,7 +215,7 @@ def _jsbsim(s: Scenario) -> Plant:
 
     own = s.gusts.jsbsim_turbulence
     turbulence = None if own == "none" else (W20_MPS[own], JSBSIM_SEVERITY[own])
-    return JsbsimFleet(airframes(s), s.rates.fdm_dt_s, turbulence=turbulence)
+    return JsbsimFleet(airframes(s), s.rates.fdm_dt_s, turbulence=turbulence, workers=fleet_workers(s))
 
 
 def _lagged(s: Scenario) -> Plant:

@@ -97,6 +97,11 @@ MANOEUVRE = ("kind", "v_mps", "omega_degps", "zeta_mps", "sigma", "speed_step", 
 
 RULES = (
     Rule(
+        ("rates.workers",),
+        lambda s: s.plant == "jsbsim" or _own_plant(s),
+        "plant {plant!r} is one computation for all vehicles; plant = 'jsbsim' takes it",
+    ),
+    Rule(
         ("airframes",),
         lambda s: not _every(s, "airframe"),
         "every [[vehicle]] table names its own; leave it out",

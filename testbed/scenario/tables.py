@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from testbed.scenario.fields import NonNegative, Positive, Section, Speed, TurnLimit
+
+MOST_WORKERS = 256
 
 
 def _whole(name: str, period_s: float, unit_name: str, unit_s: float) -> None:
@@ -22,6 +24,12 @@ def _whole(name: str, period_s: float, unit_name: str, unit_s: float) -> None:
         )
 
 
+def _workers(said: object) -> object:
+    if said == "auto" or (type(said) is int and 1 <= said <= MOST_WORKERS):
+        return said
+    raise ValueError(f"a whole number of processes from 1 to {MOST_WORKERS}, or 'auto', not {said!r:.40}")
+
+
 class Rates(Section):
     """Periods of the flight dynamics, of the filter and of recording; the latter two are multiples."""
 
@@ -33,6 +41,13 @@ class Rates(Section):
     )
     record_dt_s: Annotated[float, Field(gt=0, le=86400)] = Field(
         default=0.005, description="of the tables: a multiple of filter_dt_s"
+    )
+    # Not part of what a scenario is: plain data, manifests and names of runs leave it out.
+    workers: Annotated[int | Literal["auto"], BeforeValidator(_workers)] = Field(
+        default="auto",
+        exclude=True,
+        description="processes that step the aircraft of one run; the same numbers for any. auto: one per"
+        " processor where the fleet is large enough to gain, one within a campaign's worker",
     )
 
     @model_validator(mode="after")

@@ -139,8 +139,12 @@ def put_together(setting: Setting, parts: Parts, own: dict[str, Origin]) -> Asse
         plant.reset(setting.start, setting.rngs["plant"], wind, np.array(fleet.speeds(s)))
     except RuntimeError as error:  # no steady flight at the start, in this wind
         raise UserError(f"start: {error}") from None
-    aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in own else []
-    filter_, guidance = maker.filter(), maker.guidance()
+    try:
+        aircraft = catalogue.airframes(s) if s.plant == "jsbsim" and "plant" not in own else []
+        filter_, guidance = maker.filter(), maker.guidance()
+    except BaseException:  # nobody else has the plant yet, and its worker processes
+        plant.close()
+        raise
     arcs = s.plant == "unicycle" and "plant" not in own
     valued = None if "filter" in own else declaration(filter_).barrier
     return Assembled(environment, plant, filter_, guidance, air, replay, aircraft, arcs, valued)

@@ -1,0 +1,1 @@
+"""Steps the aircraft of a fleet: in this process, or in several over shared memory."""
