@@ -14,10 +14,12 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, mo
 from aircraft.textfile import line_of, parse_toml, read_text
 from testbed.claims.registry import CLAIMS, JUDGED, SEPARATION, START_SAFE
 from testbed.errors import UserError, nearest, short
+from testbed.measures.cylinders import Cylinder
+from testbed.measures.encounter_measures import DEFAULT_CYLINDERS, DEFAULT_THRESHOLD, Settings
 from testbed.requirements.parser import LONGEST
 from testbed.requirements.requirement import Requirement
 from testbed.scenario.explain import explain
-from testbed.scenario.fields import Name, Section
+from testbed.scenario.fields import Name, Positive, Section
 
 SCHEMA_VERSION = 1
 MOST_RUNS = 1_000_000
@@ -55,6 +57,12 @@ def _sets(said: Any) -> Any:
         return said
     parts = [p for p in Path(said).with_suffix("").parts if not set(p) & set("*?[") and p not in (".", "..")]
     return {parts[-1] if parts else "encounters": said}
+
+
+def _column(name: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", name):
+        raise ValueError(f"{short(name)!r} begins names of columns: small letters, digits and _")
+    return name
 
 
 Formula = Annotated[str, Field(max_length=LONGEST), AfterValidator(_requirement)]
@@ -118,6 +126,27 @@ class Stop(Section):
         return self
 
 
+class Measures(Section):
+    """What is measured of every run, as columns of the table: see docs/guide/measures.md."""
+
+    cylinders: dict[
+        Annotated[str, AfterValidator(_column)],
+        Annotated[list[Positive], Field(min_length=2, max_length=2)],
+    ] = Field(
+        default={name: [c.radius_m, c.half_height_m] for name, c in DEFAULT_CYLINDERS.items()},
+        min_length=1,
+        max_length=20,
+        description="name -> [radius, half height] in m of a volume that pairs should keep clear of",
+    )
+    threshold: Annotated[float, Field(ge=0, lt=1)] = Field(
+        default=DEFAULT_THRESHOLD,
+        description="share of a channel's range beyond which an altered command is an intervention",
+    )
+
+    def settings(self) -> Settings:
+        return Settings({name: Cylinder(*c) for name, c in self.cylinders.items()}, self.threshold)
+
+
 class Campaign(Section):
     """Every cell (plant x filter x guidance x remedy x variant x grid) is flown from the same seeds."""
 
@@ -143,6 +172,9 @@ class Campaign(Section):
     )
     requirements: dict[Annotated[str, AfterValidator(_name)], Formula] = Field(
         default={}, description="name -> signal temporal logic over run columns; robustness is recorded"
+    )
+    measures: Measures | None = Field(
+        default=None, description="a table, empty for its defaults: volumes lost, interventions, cost"
     )
     keep: Literal["none", "violations", "all"] = Field(default="none", description="run folders to keep")
     force: bool = Field(default=True, description=f"fly unsafe starts too; `{START_SAFE.id}` tells")

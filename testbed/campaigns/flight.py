@@ -11,6 +11,7 @@ from testbed.campaigns.job import Job
 from testbed.claims.registry import INTERVENTION
 from testbed.components.components import Parts
 from testbed.errors import UserError, short
+from testbed.measures.encounter_measures import measured
 from testbed.measures.progress import seeking
 from testbed.records.checksums import plain
 from testbed.records.run import Run
@@ -85,8 +86,8 @@ def lost(result: dict[str, Any], guarantee: str) -> bool:
 
 
 def _flown(s: Scenario, job: Job, own: Parts | None) -> dict[str, Any]:
-    if job.requirements:
-        # They are judged on the columns.
+    if job.requirements or job.measures:
+        # They are judged and measured on the columns.
         s = recorded_at_every_step(s)
     elif job.folder is None:
         # Verdicts are tracked at every step whatever is recorded.
@@ -95,6 +96,8 @@ def _flown(s: Scenario, job: Job, own: Parts | None) -> dict[str, Any]:
         s = s.model_copy(update={"rates": rates})
     done = run(s, job.folder, force=job.force, overwrite=True, parts=own)
     made = row(done, job.requirements)
+    if job.measures is not None:
+        made["measures"] = plain(measured(done, job.measures))
     if job.folder is not None and job.guarantee and not lost(made, job.guarantee):
         shutil.rmtree(job.folder)
     return made

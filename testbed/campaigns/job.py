@@ -8,6 +8,7 @@ from pathlib import Path
 
 from testbed.campaigns.sent_parts import SentParts
 from testbed.components.components import Parts
+from testbed.measures.encounter_measures import Settings
 from testbed.scenario.scenario import Scenario, parse
 
 
@@ -23,6 +24,7 @@ class Job:
     code       `code_id` that the worker must have; "" if any will do
     folder     where the run folder goes; None keeps none. It is removed again where `guarantee` holds
     requirements  (name, formula) each, that the run is judged by besides
+    measures   what is measured of it besides; None for nothing
     """
 
     label: str
@@ -34,6 +36,7 @@ class Job:
     folder: Path | None = None
     parts: SentParts | None = None
     requirements: tuple[tuple[str, str], ...] = ()
+    measures: Settings | None = None
 
     def own(self) -> Parts | None:
         """The user's parts in this process. Raises UserError if they are others than where the job began."""

@@ -164,6 +164,7 @@ def expand(
                     content, own = identity(s.model_dump(mode="json")), hashes.of(s)
                     flown = [o] if (o := origins(effective(s)) | given) else []
                 asked = [campaign.requirements] if campaign.requirements else []
+                asked += measures
                 run = content_id([SCHEMA_VERSION, content | {"seed": seed}, code, own, *flown, *asked])
                 runs.append(Planned(run, number, seed, draws, k))
     variants.refuse(campaign.name)

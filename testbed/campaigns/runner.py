@@ -181,7 +181,7 @@ def _manifest(plan: Plan, out: Path) -> dict[str, Any]:
         "runs": len(plan.runs),
         "campaign": plan.campaign.model_dump(
             mode="json",
-            exclude={name for name in ("requirements", "encounters") if not getattr(plan.campaign, name)},
+            exclude={name for name in ("requirements", "encounters", "measures") if not getattr(plan.campaign, name)},
         ),
         **kept(plan.bases, out),
         "airframes": plan.airframes,

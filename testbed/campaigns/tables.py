@@ -9,6 +9,7 @@ from typing import Any
 
 from testbed.campaigns.folder import RUNS, TIMINGS, replace
 from testbed.campaigns.plan import Plan, Planned
+from testbed.measures.encounter_comparison import MEASURE
 
 
 def write(path: Path, plan: Plan, flown: Sequence[Planned], entries: dict[str, dict[str, Any]]) -> None:
@@ -21,7 +22,8 @@ def write(path: Path, plan: Plan, flown: Sequence[Planned], entries: dict[str, d
 
 def runs(plan: Plan, flown: Sequence[Planned], entries: dict[str, dict[str, Any]]) -> dict[str, list[Any]]:
     """id, the axes' parameters, draws, the encounter's file, seed, status, reason, ended_early, vehicles
-    arrived, and of each guarantee its value and verdict: `separation_value`, `separation_verdict`."""
+    arrived, measures (`measure_nmac_lost`, see `encounter_measures.columns`; truth is 1 or 0), and of each
+    guarantee its value and verdict: `separation_value`, `separation_verdict`."""
     columns: dict[str, list[Any]] = {"id": [r.id for r in flown]}
     for name in plan.cells[0].parameters:
         columns[name] = _alike([plan.cells[r.cell].parameters[name] for r in flown])
@@ -37,6 +39,8 @@ def runs(plan: Plan, flown: Sequence[Planned], entries: dict[str, dict[str, Any]
         seen = [row.get("arrived") or [None, None, None] for row in rows]
         for k, name in enumerate(("arrived_value", "with_goal_value", "time_added_value")):
             columns[name] = [None if of[k] is None else float(of[k]) for of in seen]
+    for name in dict.fromkeys(m for row in rows for m in row.get("measures", {})):
+        columns[MEASURE + name] = [_number(row.get("measures", {}).get(name)) for row in rows]
     for guarantee in dict.fromkeys(g for row in rows for g in row["guarantees"]):
         seen = [row["guarantees"].get(guarantee, [None, None]) for row in rows]
         name = guarantee.replace("-", "_")
@@ -54,6 +58,10 @@ def _alike(values: list[Any]) -> list[Any]:
     return [v if isinstance(v, str) else json.dumps(v) for v in values]
 
 
+def _number(value: bool | float | None) -> float | None:
+    return None if value is None else float(value)
+
+
 def _parquet(path: Path, columns: dict[str, list[Any]]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -61,7 +69,8 @@ def _parquet(path: Path, columns: dict[str, list[Any]]) -> None:
     def typed(name: str, values: list[Any]) -> Any:
         # A column without values needs a type too.
         if all(v is None for v in values):
-            return pa.array(values, pa.float64() if name.endswith("_value") else pa.string())
+            number = name.endswith("_value") or name.startswith(MEASURE)
+            return pa.array(values, pa.float64() if number else pa.string())
         return pa.array(values)
 
     table = pa.table({name: typed(name, values) for name, values in columns.items()})

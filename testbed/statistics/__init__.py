@@ -5,6 +5,7 @@ from testbed.statistics.means import Mean, mean
 from testbed.statistics.paired import PairedDistances, PairedVerdicts, paired_distances, paired_verdicts
 from testbed.statistics.quantiles import Quantile, quantile
 from testbed.statistics.rates import Rate, rate, rate_of, zero_event_bound
+from testbed.statistics.risk_ratio import RiskRatio, risk_ratio
 from testbed.statistics.sequential import Decision, Look, Plan, spread
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "Plan",
     "Quantile",
     "Rate",
+    "RiskRatio",
     "distinct",
     "mean",
     "nothing_random",
@@ -24,6 +26,7 @@ __all__ = [
     "quantile",
     "rate",
     "rate_of",
+    "risk_ratio",
     "spread",
     "zero_event_bound",
 ]
