@@ -138,6 +138,7 @@ def expand(
         of_sets: dict[str, dict[Any, Fields]] = {AXIS: {label: {} for label in sets}}
         axes = of_sets | axes
     code, hashes = code or code_id(), AirframeHashes(airframes)
+    measures = [campaign.measures.settings().data()] if campaign.measures else []
     cells, runs, variants = [], [], Variants()
     for number, chosen in enumerate(itertools.product(*(o.items() for o in axes.values()))):
         parameters = dict(zip(axes, (label for label, _ in chosen), strict=True))

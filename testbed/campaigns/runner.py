@@ -145,7 +145,8 @@ class _Jobs(Sequence[Job]):
         unless = campaign.guarantee if campaign.keep == "violations" else ""
         text, sent = json.dumps(data), self._sent(run, data)
         asked = tuple(campaign.requirements.items())
-        return Job(run.id, text, run.seed, unless, campaign.force, self._plan.code, where, sent, asked)
+        of = campaign.measures.settings() if campaign.measures else None
+        return Job(run.id, text, run.seed, unless, campaign.force, self._plan.code, where, sent, asked, of)
 
     def _sent(self, run: Planned, data: dict[str, Any]) -> SentParts | None:
         # Of a cell all runs have the same parts, unless a draw changes a kind.
@@ -181,7 +182,11 @@ def _manifest(plan: Plan, out: Path) -> dict[str, Any]:
         "runs": len(plan.runs),
         "campaign": plan.campaign.model_dump(
             mode="json",
-            exclude={name for name in ("requirements", "encounters", "measures") if not getattr(plan.campaign, name)},
+            exclude={
+                name
+                for name in ("requirements", "encounters", "measures")
+                if not getattr(plan.campaign, name)
+            },
         ),
         **kept(plan.bases, out),
         "airframes": plan.airframes,
