@@ -88,16 +88,20 @@ def covered(begun: Begun, plan: Array, lasts: Array) -> Array:
     """
     channels, times = begun.channels, begun.times
     shape = (*np.broadcast_shapes(plan.shape[:-2], lasts.shape[:-1]), 3)
-    y = np.broadcast_to(begun.rates, shape)
-    since = np.broadcast_to(times - channels.delay[..., None], (*shape, times.size))
-    total = np.broadcast_to(begun.covered, since.shape).copy()
+    y, began = np.broadcast_to(begun.rates, shape), np.broadcast_to(channels.delay, shape)
+    total = np.broadcast_to(begun.covered, (*shape, times.size)).copy()
     for k in range(plan.shape[-2]):
         long = np.broadcast_to(lasts[..., k, None], shape)
         told = channels.towards(y, np.broadcast_to(plan[..., k, :], shape))
-        total += told.integral(np.minimum(np.maximum(since, 0.0), long[..., None]))
-        y, since = told.value(long), since - long[..., None]
+        # Only at these instants a channel may be in the midst of it.
+        first, last = np.searchsorted(times, [began.min(), (began + long).max()])
+        since = np.minimum(np.maximum(times[first:last] - began[..., None], 0.0), long[..., None])
+        total[..., first:last] += told.integral(since)
+        total[..., last:] += told.integral(long[..., None])
+        y, began = told.value(long), began + long
     evading = channels.towards(y, np.broadcast_to(begun.gamma, shape))
-    total += evading.integral(np.maximum(since, 0.0))
+    first = np.searchsorted(times, began.min())
+    total[..., first:] += evading.integral(np.maximum(times[first:] - began[..., None], 0.0))
     return total
 
 

@@ -21,142 +21,21 @@ only get no nearer, and the status says INFEASIBLE.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
 from filters.cbf.problem import Problem, input_set
+from filters.constraints import Indices
 from filters.filter import Decision, Declaration, MonitorRecord
-from filters.flow.phases import Phases
-from filters.flow.rollout import Begun, Flow, Paths, furthest
-from filters.flow.separation import Kept, Rows, rows, samples
+from filters.flow.rollout import Begun, Paths, furthest
 from filters.model import Array, Command, Limits, View
-from filters.qp import single
 from filters.qp.single import Status
 from filters.rivals.gatekeeper import CLEAR_TO_M, plan_checks
-from filters.rivals.plans import Model, covered
+from filters.rivals.plan_programs import Programs, rows
+from filters.rivals.plans import Model, Tracks, covered, nearest
 
-# Shares of the way from the plan before to the program's solution, tried in turn; the last keeps every row.
-DRAWN = (1.0, 0.9, 0.7, 0.4, 0.15)
-# Programs aim at so much more than rows ask, so that what their slopes miss is nothing [m].
-AIM_M, TOLERANCE_M = 5e-4, 1e-6
-_ROUNDS, _CORRECTIONS, _CHANGED = 8, 2, 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """The blocks of a plan (N, K, 3) that starts now.
-
-    lasts   (K,) s; the first is one period, the second may have no length
-    weight  (K,) of each block in the cost
-    """
-
-    lasts: Array
-    weight: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Posed:
-    """The programs of V vehicles whose target plans break rows.
-
-    rows            their rows, about the paths `base` of the plans `before` (V, K, 3)
-    target          (V, K, 3) plans, inside the box
-    lower, upper    (V, 3) the box
-    """
-
-    begun: Begun
-    flow: Flow
-    rows: Rows
-    base: Paths
-    blocks: Blocks
-    before: Array
-    target: Array
-    lower: Array
-    upper: Array
-
-    def moved(self, plan: Array) -> Array:
-        """Displacements (..., R) m of the exact flow of plans (..., V, K, 3)."""
-        lasts = np.broadcast_to(self.blocks.lasts, plan.shape[:-1])
-        return self.rows.displacement(
-            self.flow.paths(self.begun, covered(self.begun, plan, lasts)), self.base
-        )
-
-    def plans(self) -> Array:
-        """Plans (V, K, 3) near the targets that keep every row on the exact flow, or those before."""
-        made, plan = self.rows, self.target
-        slope, there = self._slopes(), self.moved(self.target)
-        aim = made.least + AIM_M
-        at, need = self.before, aim
-        for _ in range(_CORRECTIONS):
-            fails = _who(made, ~(there >= made.least - TOLERANCE_M), len(plan))
-            if not fails.any():
-                break
-            level = need + np.einsum("rkc,rkc->r", slope, at[made.vehicle])
-            found = np.stack(
-                [self._nearest(v, slope, level) if fails[v] else plan[v] for v in range(len(plan))]
-            )
-            plan, there = found, self.moved(found)
-            at, need = plan, aim - there
-        return self._drawn(plan, there)
-
-    def _drawn(self, plan: Array, there: Array) -> Array:
-        """The plans, drawn towards those before until every row holds."""
-        made = self.rows
-        if (there >= made.least - TOLERANCE_M).all():
-            return plan
-        share = np.array(DRAWN)[:, None, None, None]
-        tried = np.concatenate([self.before + share * (plan - self.before), self.before[None]])
-        kept = self.moved(tried) >= made.least - TOLERANCE_M
-        chosen = []
-        for v in range(len(plan)):
-            good = np.array(kept[:, made.vehicle == v].all(axis=1))
-            good[-1] = True  # by construction, to rounding
-            chosen.append(tried[int(np.argmax(good)), v])
-        return np.stack(chosen)
-
-    def _slopes(self) -> Array:
-        """Displacements (R, K, 3) a unit of each command, as it moves towards the target, or a little."""
-        ranges = (self.upper - self.lower)[:, None]
-        step = self.target - self.before
-        little = 0.05 * np.where(2 * self.before < (self.upper + self.lower)[:, None], ranges, -ranges)
-        step = np.where(np.abs(step) > 0.05 * ranges, step, little)
-        k = self.before.shape[1]
-        one = np.eye(3 * k).reshape(3 * k, 1, k, 3)
-        moved = self.moved(self.before + one * step)
-        each = np.where(np.abs(step) > 0, step, np.inf)
-        return np.asarray(moved.T.reshape(-1, k, 3) / each[self.rows.vehicle])
-
-    def _nearest(self, v: int, slope: Array, level: Array) -> Array:
-        """The plan (K, 3) nearest to the target with slope u >= level, its rows added as they are broken."""
-        own = np.flatnonzero(self.rows.vehicle == v)
-        ranges = self.upper[v] - self.lower[v]
-        scale = np.where(ranges > 0, ranges, 1.0) / np.sqrt(self.blocks.weight)[:, None]
-        matrix = (slope[own] * scale).reshape(own.size, -1)
-        level, other = level[own], self.rows.other[own]
-        lower, upper = (
-            (np.broadcast_to(x, scale.shape) / scale).ravel() for x in (self.lower[v], self.upper[v])
-        )
-        target = (self.target[v] / scale).ravel()
-        u, kept = target, np.zeros(own.size, dtype=bool)
-        for _ in range(_ROUNDS):
-            short = level - matrix @ u
-            broken = np.flatnonzero((short > _CHANGED) & ~kept)
-            if not broken.size:
-                break
-            # Of each vehicle that it meets the row that is broken most.
-            worst = broken[np.argsort(-short[broken], kind="stable")]
-            kept[worst[np.unique(other[worst], return_index=True)[1]]] = True
-            u = single.solve(target, matrix[kept], level[kept], lower, upper).u
-        found = u.reshape(scale.shape) * scale
-        return np.asarray(np.minimum(np.maximum(found, self.lower[v]), self.upper[v]))
-
-
-def _who(rows: Rows, which: NDArray[np.bool_], vehicles: int) -> NDArray[np.bool_]:
-    """The vehicles (V,) of some rows (R,)."""
-    found = np.zeros(vehicles, dtype=bool)
-    found[rows.vehicle[which]] = True
-    return found
+# Plans are found again in every period, to rounding; clearances up to the other number are recorded as they
+# are, larger ones as a bound below [m].
+_ROUND_OFF, _EXACT_M = 1e-6, 20.0
 
 
 class RecedingHorizonFilter:
@@ -166,7 +45,7 @@ class RecedingHorizonFilter:
     blocks    how many blocks of constant commands follow the first period
     block_s   s, how long each lasts, in filter periods
     later     weight of the blocks after the first period against it, in the cost
-    share     how much of a pair's clearance on the plans one period may use up, in (0, 1)
+    kappa     how much of a pair's clearance on the plans one period may use up, in (0, 1)
     Raises    ValueError for numbers out of these ranges
 
     The cost divides each channel by its range.
@@ -178,19 +57,20 @@ class RecedingHorizonFilter:
         blocks: int = 3,
         block_s: float = 1.0,
         later: float = 0.01,
-        share: float = 0.5,
+        kappa: float = 0.5,
     ) -> None:
         dt = model.flow.dt
-        if not (blocks >= 1 and round(block_s / dt) >= 1 and np.isfinite(block_s)):
+        if not (blocks >= 1 and np.isfinite(block_s) and round(block_s / dt) >= 1):
             raise ValueError(f"a plan needs a block of a filter period ({dt:g} s) or more")
-        if not (0 < later <= 1 and 0 < share < 1):
-            raise ValueError(f"later must be in (0, 1] and share in (0, 1), got {later} and {share}")
-        self._model, self._block, self._share = model, round(block_s / dt), share
-        self._turn = float(model.flow.gamma[0, 1]) * dt
-        self._phases, self._later = Phases(abs(self._turn)), later
+        if not (0 < later <= 1 and 0 < kappa < 1):
+            raise ValueError(f"later must be in (0, 1] and kappa in (0, 1), got {later} and {kappa}")
+        self._model, self._block, self._kappa = model, round(block_s / dt), kappa
         self._plan = np.repeat(model.flow.gamma[:, None], blocks, axis=1)
+        self._weight = np.concatenate([[1.0], np.full(blocks, later)])
         self._gone = 0
         self.record = MonitorRecord(checks=plan_checks())
+        self.withdrawn = 0
+        """How often a vehicle went back to its plan before because two new plans came too near."""
 
     @property
     def declaration(self) -> Declaration:
@@ -205,57 +85,59 @@ class RecedingHorizonFilter:
         problem = Problem(*input_set(view, nominal, limits))
         model, n = self._model, len(problem.target)
         flow, lower, upper = model.flow, problem.lower, problem.upper
-        gamma = np.minimum(np.maximum(flow.gamma, lower), upper)
-        blocks = self._blocks()
-        begun = model.begin(view, float(blocks.lasts.sum()), lower, upper)
+        lasts = self._lasts()
+        begun = model.begin(view, float(lasts.sum()), lower, upper)
         before = np.concatenate([self._plan[:, :1], self._plan], axis=1)
         before = np.minimum(np.maximum(before, lower[:, None]), upper[:, None])
-        every = [
-            before,
-            *(np.broadcast_to(x[:, None], before.shape) for x in (lower, upper, problem.clipped)),
-        ]
-        lasts = np.broadcast_to(blocks.lasts, before.shape[:2])
-        integrals = covered(begun, np.stack(every), lasts)
-        base, wish = flow.paths(begun, integrals[0]), flow.paths(begun, integrals[3])
+        ends = [np.repeat(x[:, None], len(lasts), axis=1) for x in (lower, upper, problem.clipped)]
+        integrals = covered(begun, np.stack([before, *ends]), lasts[None, None])
+        base, plan = flow.paths(begun, integrals[0]), ends[2].copy()
         moves = furthest(begun, *integrals[:3])
-        turned = self._turn * (self.record.steps + begun.times.size)
-        kept = Kept(model.level, self._share, self._phases, turned)
         i, j = model.seen(view)
-        found = samples(base, i, j, kept, moves)
-        made = rows(found, kept, moves)
-        clear = found.least - model.level
+        was = Tracks.of(base)
+        clear = nearest(was, i, was, j, model.level + _EXACT_M) - model.level
         self.record.checks["plan_clear"].see(self.record.steps, clear, i, j)
-        plan = np.array(every[3])
-        broken = np.unique(made.vehicle[~(made.displacement(wish, base) >= made.least - TOLERANCE_M)])
-        if broken.size:
-            v = broken
-            posed = Posed(
-                begun.of(v),
-                flow,
-                made.of(v),
-                Paths(base.at[v], base.z[v], base.centre[v], base.arm[v]),
-                blocks,
-                before[v],
-                plan[v],
-                lower[v],
-                upper[v],
-            )
-            plan[v] = posed.plans()
+        made = rows(base, i, j, model.level, self._kappa, moves)
+        moved = made.displacement(flow.paths(begun, integrals[3]), base)
+        v = np.unique(made.vehicle[~(moved >= made.least)])
+        if v.size:
+            own = Paths(base.at[v], base.z[v], base.centre[v], base.arm[v])
+            each = begun.of(v), flow, made.of(v), own, lasts, self._weight
+            plan[v] = Programs(*each, before[v], plan[v], lower[v], upper[v]).plans()
+        plan = self._joint(begun, lasts, plan, before, i, j, np.minimum(clear, 0.0))
         short = np.zeros(n)
         for vehicle in (i, j):
             np.maximum.at(short, vehicle, -clear)
         status = np.where(short > CLEAR_TO_M, int(Status.INFEASIBLE), int(Status.SOLVED))
-        self._keep(plan, gamma)
+        self._keep(plan, np.minimum(np.maximum(flow.gamma, lower), upper))
         model.told(plan[:, 0])
         return problem.decision(plan[:, 0], status, short, None, np.zeros(0))
 
-    def _blocks(self) -> Blocks:
+    def _joint(
+        self, begun: Begun, lasts: Array, plan: Array, before: Array, i: Indices, j: Indices, least: Array
+    ) -> Array:
+        """The plans (N, K, 3), those of pairs with a clearance below `least` (P,) m put back to the last.
+
+        Between their samples and for all time: what the rows of the programs leave open.
+        """
+        model = self._model
+        while True:
+            tracks = Tracks.of(model.flow.paths(begun, covered(begun, plan, lasts[None])))
+            off = nearest(tracks, i, tracks, j, model.level) - model.level
+            near = np.flatnonzero(off < least - _ROUND_OFF)
+            back = np.unique(np.concatenate([i[near], j[near]]))
+            back = back[(plan[back] != before[back]).any(axis=(1, 2))]
+            if not back.size:
+                return plan
+            self.withdrawn += back.size
+            plan[back] = before[back]
+
+    def _lasts(self) -> Array:
+        """How long [s] the blocks of a plan last that starts now (K,); the second may have no length."""
         dt, count = self._model.flow.dt, self._plan.shape[1]
         lasts = np.full(count + 1, self._block * dt)
         lasts[0], lasts[1] = dt, (self._block - self._gone - 1) * dt
-        weight = np.full(count + 1, self._later)
-        weight[0] = 1.0
-        return Blocks(lasts, weight)
+        return lasts
 
     def _keep(self, plan: Array, gamma: Array) -> None:
         """Keep the rest of plans (N, K, 3), whose first commands are flown, for the next period."""
