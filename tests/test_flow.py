@@ -17,7 +17,7 @@ from filters.flow import flow_filter
 from filters.flow.channels import Channels
 from filters.flow.flow_filter import FlowFilter
 from filters.flow.phases import Phases
-from filters.flow.rollout import Reach, furthest
+from filters.flow.reach import Reach, furthest
 from filters.flow.separation import Kept, samples
 from filters.model import Command, Limits, State, View, step
 from testbed.components import flow_margin
@@ -168,7 +168,8 @@ def test_gamma_keeps_every_row_and_rows_are_separable(seed: int) -> None:
     begun = flow.begin(state, rates, queued, flow.times(rates))
     gamma = flow.roll(begun, flow.gamma)
     i, j = np.triu_indices(n, 1)
-    everywhere = Reach(np.full(gamma.z.shape, np.inf), *(np.full(n, np.inf) for _ in range(3)))
+    box = (np.tile(LOW, (n, 1)), np.tile(HIGH, (n, 1)))
+    everywhere = unbounded(furthest(begun, *flow.covered(begun, np.stack([flow.gamma, *box]))), "centre")
     found = samples(gamma, i, j, Kept(5.0, 0.1, Phases(0.01), 0.3), everywhere)
     moved = flow.roll(begun, rng.uniform(LOW, HIGH, (n, 3)))
     level = moved.at[i] - moved.at[j]
@@ -217,8 +218,40 @@ def test_no_input_moves_a_vehicle_further_than_the_bound(seed: int) -> None:
     assert np.all(circle <= bound.circle + 1e-9)
 
 
-def unbounded(reach: Reach) -> Reach:
-    return replace(reach, at=np.full_like(reach.at, np.inf), circle=np.full_like(reach.circle, np.inf))
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6))
+def test_no_input_moves_a_vehicle_further_against_a_direction_than_its_bound(seed: int) -> None:
+    """Corners of the box and drawn inputs; random unit vectors at all instants and phases of the circle."""
+    rng = np.random.default_rng(seed)
+    n, flow = 6, flow_of(6)
+    state, rates, queued = drawn(rng, n, flow.depth)
+    begun = flow.begin(state, rates, queued, flow.times(rates))
+    low, high = np.tile(LOW, (n, 1)), np.tile(HIGH, (n, 1))
+    bound = furthest(begun, *flow.covered(begun, np.stack([flow.gamma, low, high])))
+    gamma = flow.roll(begun, flow.gamma)
+    corners = np.where(rng.random((20, n, 3)) < 0.5, low, high)
+    moved = flow.roll(begun, np.concatenate([corners, rng.uniform(low, high, (20, n, 3))]))
+    turn = np.exp(1j * rng.uniform(-np.pi, np.pi, (n, 60)))
+    circle = [x.centre[..., None] + x.arm[..., None] * turn for x in (gamma, moved)]
+    at = np.concatenate([gamma.at, circle[0]], axis=-1)
+    off = np.concatenate([moved.at, circle[1]], axis=-1) - at
+    height = moved.z - gamma.z
+    climbed = np.concatenate([height, np.repeat(height[..., -1:], 60, axis=-1)], axis=-1)
+    tilt = rng.uniform(-0.5, 0.5, at.shape)
+    away, up = np.cos(tilt) * np.exp(1j * rng.uniform(-np.pi, np.pi, at.shape)), np.sin(tilt)
+    last = bound.rest.shape[1] - 1
+    place = np.minimum(np.arange(at.shape[1]), last) + (last + 1) * np.arange(n)[:, None]
+    across = (away.conj() * 1j * (at - (state.x + 1j * state.y)[:, None])).real
+    most = bound.along(place, across, up)
+    against = -((off * away.conj()).real + climbed * up)
+    assert np.all(against <= most)
+    # No idle bound: somewhere an input uses up nearly all of it.
+    assert np.max(against / most) > 0.9
+
+
+def unbounded(reach: Reach, *also: str) -> Reach:
+    names = ("at", "circle", "rest", *also)
+    return replace(reach, **{name: np.full_like(getattr(reach, name), np.inf) for name in names})
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from filters.flow.flow_filter import FlowFilter
 from filters.flow.margin import ErrorSum, between_samples
 from filters.flow.phases import Phases
-from filters.flow.rollout import Begun, Flow, Paths, furthest
+from filters.flow.reach import furthest
+from filters.flow.rollout import Begun, Flow, Paths
 from filters.flow.separation import Kept, Rows, rows, samples
 from filters.model import Command, Limits, State, View
 from tests.flow_states import DT, GAMMA, HIGH, LAGS, LOW, apart, around, drawn, flow_of, one_period_on

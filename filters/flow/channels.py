@@ -17,6 +17,8 @@ from filters.model import Array
 
 # No aircraft's channel changes faster: stands in for an unlimited rate, and for no lag at all.
 _FASTEST, _QUICKEST_S = 1e9, 1e-9
+# exp of more than this is near what a float can hold.
+_LARGEST_POWER = 600.0
 
 
 class Lag(Protocol):
@@ -97,14 +99,37 @@ class Motion:
     def value(self, t: Array | float) -> Array:
         """The channels' values after t [s]."""
         early = np.minimum(t, self.bounded)
-        decay = -np.expm1((early - t) / self._constant)
+        decay = 1.0 - np.exp((early - t) / self._constant)
         return np.asarray(self._y + self._rate * early + self._left * decay)
 
-    def integral(self, t: Array) -> Array:
-        """Their integrals over t [s]; t (..., M) against channels (...,)."""
+    def integral(self, t: Array, decay: Array | None = None) -> Array:
+        """Their integrals over t [s]; t (..., M) against channels (...,).
+
+        decay  exp(-t / time constant) of t (M,) or (channels, M), where it is known already
+        """
         y, goal, rate = self._y[..., None], self._goal[..., None], self._rate[..., None]
-        constant, left = self._constant[..., None], self._left[..., None]
-        early = np.minimum(t, self.bounded[..., None])
+        bounded, left = self.bounded[..., None], (self._left * self._constant)[..., None]
+        early = np.minimum(t, bounded)
         late = t - early
-        gone = np.expm1(-late / constant)
-        return np.asarray((y + 0.5 * rate * early) * early + goal * late + left * constant * gone)
+        gone = self._gone(late, decay)
+        total: Array = rate * early
+        total *= 0.5
+        total += y
+        total *= early
+        late *= goal
+        total += late
+        gone *= left
+        total += gone
+        return total
+
+    def _gone(self, late: Array, decay: Array | None) -> Array:
+        """exp(-late / time constant) - 1 of times `late` since the rate was at its bound."""
+        grown = self.bounded / self._constant
+        if decay is not None and grown.max(initial=0.0) < _LARGEST_POWER:
+            # Before that time the product is above 1.
+            gone: Array = decay * np.exp(grown)[..., None]
+            np.minimum(gone, 1.0, out=gone)
+        else:
+            gone = np.exp(late / -self._constant[..., None])
+        gone -= 1.0
+        return gone

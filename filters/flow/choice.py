@@ -7,13 +7,13 @@ exact displacements at its solution, and solved again. What is left is drawn tow
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from filters.constraints import Indices, dot
+from filters.constraints import Indices, dot, taken
+from filters.flow.posed import Posed
 from filters.flow.separation import Rows
 from filters.model import Array
 from filters.qp.batch import solve_each
@@ -64,39 +64,39 @@ class Wanted:
         return np.minimum(np.maximum(self.target, self.lower), self.upper)
 
 
-def choose(
-    wanted: Wanted, rows: Rows, slope: Array, moved: Array, exact: Callable[[Array], Array]
-) -> tuple[Array, NDArray[np.int_]]:
+def choose(wanted: Wanted, posed: Posed, slope: Array, moved: Array) -> tuple[Array, NDArray[np.int_]]:
     """Inputs (N, 3) and their `Ending` (N,) for vehicles whose targets break rows.
 
     slope  (R, 3) m per unit of input, of each row's displacement
     moved  (R,) m, displacements at the targets inside the box
-    exact  inputs (..., N, 3) -> displacements (..., R) m of their flow
 
     Where the slack is negative, a vehicle aims at more than its rows ask; if it cannot have that at all of
     them, it keeps its rows.
     """
-    u, reached = wanted.clipped, moved
+    u, reached, rows = wanted.clipped, moved, posed.rows
     aims = [rows.least + _recovery(wanted, rows, slope)] if rows.back.any() else []
     for aim in (*aims, rows.least):
         fails = _who(rows, reached < aim - TOLERANCE_M, len(u))
         if not fails.any():
             break
-        found, there = _nearest(wanted, rows, slope, moved, exact, aim)
+        found, there = _nearest(wanted, posed, slope, moved, aim)
         u = np.where(fails[:, None], found, u)
         reached = np.where(fails[rows.vehicle], there, reached)
     ending = np.where(np.abs(u - wanted.clipped).max(axis=1) > _CHANGED, Ending.SOLVED, Ending.NOMINAL)
-    least = rows.least - TOLERANCE_M
-    broken = np.flatnonzero(_who(rows, ~(reached >= least), len(u)))
+    broken = np.flatnonzero(_who(rows, ~(reached >= rows.least - TOLERANCE_M), len(u)))
     if broken.size:
-        tried = wanted.gamma + DRAWN[:, None, None] * (u - wanted.gamma)
-        fails = ~(exact(tried) >= least)
-        for v in broken:
-            kept = ~fails[:, rows.vehicle == v].any(axis=1)
-            k = int(np.argmax(kept)) if kept.any() else len(DRAWN) - 1
-            u[v] = tried[k, v]
-            ending[v] = Ending.DRAWN if DRAWN[k] else Ending.EVADING
+        u[broken], ending[broken] = _drawn(wanted.gamma[broken], u[broken], posed.of(broken))
     return u, ending
+
+
+def _drawn(gamma: Array, u: Array, posed: Posed) -> tuple[Array, NDArray[np.int_]]:
+    """The first inputs (N, 3) on the way from u to gamma that keep every row, and their `Ending` (N,)."""
+    tried = gamma + DRAWN[:, None, None] * (u - gamma)
+    fails = ~(posed.moved(tried) >= posed.rows.least - TOLERANCE_M)
+    kept = ~np.stack([_who(posed.rows, each, len(u)) for each in fails])
+    kept[-1] = True
+    k = np.argmax(kept, axis=0)
+    return tried[k, np.arange(len(u))], np.where(DRAWN[k] > 0, Ending.DRAWN, Ending.EVADING)
 
 
 def _who(rows: Rows, which: NDArray[np.bool_], vehicles: int) -> NDArray[np.bool_]:
@@ -113,48 +113,65 @@ def _recovery(wanted: Wanted, rows: Rows, slope: Array) -> Array:
     return np.minimum(rows.back, 0.5 * dot(slope, end))
 
 
-def _nearest(
-    wanted: Wanted, rows: Rows, slope: Array, moved: Array, exact: Callable[[Array], Array], aim: Array
-) -> tuple[Array, Array]:
+def _nearest(wanted: Wanted, posed: Posed, slope: Array, moved: Array, aim: Array) -> tuple[Array, Array]:
     """Inputs near the targets with displacements of at least `aim`, if there are, and their displacements."""
-    u, at, need = wanted.clipped, wanted.gamma, aim
+    u, at, need, rows = wanted.clipped, wanted.gamma, aim, posed.rows
     v = rows.vehicle
-    floor = dot(slope, np.where(slope > 0, wanted.lower.take(v, axis=0), wanted.upper.take(v, axis=0)))
+    floor = dot(slope, np.where(slope > 0, taken(wanted.lower, v), taken(wanted.upper, v)))
     for _ in range(_CORRECTIONS):
         fails = _who(rows, ~(moved >= aim - TOLERANCE_M), len(u))
         if not fails.any():
             break
         # Whoever keeps its rows already is left alone: vehicles do not depend on each other.
-        level = need + dot(slope, at.take(v, axis=0))
+        level = need + dot(slope, taken(at, v))
         # Rows that no input in the box can break are none to the QP.
         found = _solve(wanted, rows, slope, level, np.flatnonzero((floor < level) & fails[v]))
         u = np.where(fails[:, None], found, u)
-        moved = exact(u)
+        moved = posed.moved(u)
         at, need = u, aim - moved
     return u, moved
 
 
 def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array, some: Indices) -> Array:
     """The inputs nearest to the targets with slope u >= level in `some` rows, added as they are broken."""
-    vehicle, slope, level = rows.vehicle[some], slope.take(some, axis=0), level[some]
-    group = vehicle * (int(rows.other.max(initial=0)) + 1) + rows.other[some]
+    group = rows.vehicle[some] * (int(rows.other.max(initial=0)) + 1) + rows.other[some]
+    order = np.argsort(group, kind="stable")
+    some, group = some[order], group[order]
+    vehicle, slope, level = rows.vehicle[some], taken(slope, some), level[some]
     scale = wanted.scale
-    kept = np.zeros(vehicle.size, dtype=bool)
-    u = wanted.clipped
-    scaled = slope * scale.take(vehicle, axis=0)
+    scaled = slope * taken(scale, vehicle)
     box = wanted.target / scale, wanted.lower / scale, wanted.upper / scale
+    evading, u = wanted.gamma / scale, wanted.clipped
+    kept = np.zeros(some.size, dtype=bool)
+    now: Indices = np.arange(some.size)  # rows of vehicles that are not at rest yet
     for _ in range(_ROUNDS):
-        short = level - dot(slope, u.take(vehicle, axis=0))
-        broken = np.flatnonzero((short > _CHANGED) & ~kept)
-        if not broken.size:
+        mine = vehicle[now]
+        short = level[now] - dot(taken(slope, now), taken(u, mine))
+        new = _worst(group[now], short, (short > _CHANGED) & ~kept[now])
+        if not new.size:
             break
-        # Of each vehicle and whom it meets the row that is broken most.
-        worst = broken[np.argsort(-short[broken], kind="stable")]
-        _, first = np.unique(group[worst], return_index=True)
-        kept[worst[first]] = True
-        use = np.flatnonzero(kept)
+        kept[now[new]] = True
+        changed = np.zeros(len(u), dtype=bool)
+        changed[mine[new]] = True
+        now = now[changed[mine]]
+        use = now[kept[now]]
         found, _ = solve_each(
-            box[0], vehicle[use], scaled[use], level[use], box[1], box[2], fallback=wanted.gamma / scale
+            box[0], vehicle[use], taken(scaled, use), level[use], box[1], box[2], fallback=evading
         )
-        u = np.minimum(np.maximum(found * scale, wanted.lower), wanted.upper)
+        found = np.minimum(np.maximum(found * scale, wanted.lower), wanted.upper)
+        u = np.where(changed[:, None], found, u)
     return u
+
+
+def _worst(group: Indices, short: Array, broken: NDArray[np.bool_]) -> Indices:
+    """Of each group of rows (R,), which stand together, the one that is broken most."""
+    rows = np.flatnonzero(broken)
+    if not rows.size:
+        return rows
+    group, short = group[rows], short[rows]
+    first = np.flatnonzero(np.concatenate([[True], group[1:] != group[:-1]]))
+    most = np.maximum.reduceat(short, first)
+    count = np.diff(first, append=rows.size)
+    equal = np.flatnonzero(short == np.repeat(most, count))
+    once = np.concatenate([[True], group[equal][1:] != group[equal][:-1]])
+    return np.asarray(rows[equal[once]])

@@ -20,8 +20,10 @@ from filters.flow.belief import Belief
 from filters.flow.channels import Channels, Lag
 from filters.flow.choice import TOLERANCE_M, Ending, Wanted, choose
 from filters.flow.phases import Phases
-from filters.flow.rollout import Begun, Flow, Paths, furthest
-from filters.flow.separation import Kept, Rows, rows, samples
+from filters.flow.posed import Posed
+from filters.flow.reach import furthest
+from filters.flow.rollout import Flow
+from filters.flow.separation import Kept, rows, samples
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 
@@ -127,9 +129,15 @@ class FlowFilter:
         made = rows(found, kept, moves)
         u, ending = wanted.clipped, np.full(n, int(Ending.NOMINAL))
         moved = made.displacement(wish, base)
-        broken = np.unique(made.vehicle[~(moved >= made.least + made.back - TOLERANCE_M)])
+        breaks = np.zeros(n, dtype=bool)
+        breaks[made.vehicle[~(moved >= made.least + made.back - TOLERANCE_M)]] = True
+        broken = np.flatnonzero(breaks)
         if broken.size:
-            u[broken], ending[broken] = self._choose(begun, broken, wanted, covered, base, made)
+            posed = Posed(flow, begun, base, made).of(broken)
+            mine = breaks[made.vehicle]
+            u[broken], ending[broken] = self._choose(
+                posed, wanted.of(broken), covered[:, broken], moved[mine]
+            )
         clear = np.full((n, n), np.nan)
         clear[found.i, found.j] = found.least - self.level
         self._clear = clear
@@ -141,27 +149,24 @@ class FlowFilter:
         return Problem(target, lower, upper).decision(u, status, np.nan_to_num(short), None, np.zeros(0))
 
     def _choose(
-        self, begun: Begun, v: Indices, wanted: Wanted, covered: Array, base: Paths, made: Rows
+        self, posed: Posed, wanted: Wanted, covered: Array, moved: Array
     ) -> tuple[Array, NDArray[np.int_]]:
-        """Inputs and endings of the vehicles v whose targets break rows.
+        """Inputs and endings of vehicles whose targets break rows.
 
         covered  (4, N, 3, M) integrals under gamma, the box's lower and upper end, and the targets
+        moved    (R,) m, displacements at the targets
         """
-        flow, some, begun = self.flow, made.of(v), begun.of(v)
-        wanted = wanted.of(v)
-        base = Paths(base.at[v], base.z[v], base.centre[v], base.arm[v])
         # One channel at a time to the end of its range on the target's side, or else the other.
         gamma, lower, upper = wanted.gamma, wanted.lower, wanted.upper
         high = wanted.clipped >= gamma
         high ^= np.abs(np.where(high, upper, lower) - gamma) < _STEP
         step = np.where(high, upper, lower) - gamma
-        ends = np.where(high[..., None], covered[2, v], covered[1, v])
+        ends = np.where(high[..., None], covered[2], covered[1])
         one = np.eye(3, dtype=bool)[:, None, :, None]
-        tried = flow.paths(begun, np.where(one, ends, covered[0, v]))
+        tried = self.flow.paths(posed.begun, np.where(one, ends, covered[0]))
         step = np.where(np.abs(step) > _STEP, step, np.inf)
-        slope = some.displacement(tried, base).T / step[some.vehicle]
-        moved = some.displacement(flow.paths(begun, covered[3, v]), base)
-        return choose(wanted, some, slope, moved, lambda u: some.displacement(flow.roll(begun, u), base))
+        slope = (posed.rows.displacement(tried, posed.gamma) / step.T[:, posed.rows.vehicle]).T
+        return choose(wanted, posed, slope, moved)
 
     def _scale(self, lower: Array, upper: Array) -> Array:
         ranges = upper - lower

@@ -11,12 +11,15 @@ import numpy as np
 
 from filters.constraints import Indices
 from filters.flow.channels import Channels
+from filters.flow.grid import Grid
 from filters.model import Array, State
 
 Complex = np.ndarray
 
 # Channels this near to gamma have settled [m/s, rad/s, m/s].
 SETTLED = np.array([1e-4, 1e-6, 1e-4])
+# So many instants are prepared at once.
+_INSTANTS = 160
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +37,7 @@ class Paths:
     centre: Complex
     arm: Complex
 
-    def __getitem__(self, index: int | slice) -> Paths:
+    def __getitem__(self, index: int | slice | Indices) -> Paths:
         """The paths at `index` of the first axis."""
         return Paths(self.at[index], self.z[index], self.centre[index], self.arm[index])
 
@@ -46,7 +49,7 @@ class Begun:
     state     (N,)
     rates     (N, 3) when the next command is heard, each channel after its own delay
     covered   (N, 3, M) integrals of the rates at the instants, up to each channel's delay
-    times     (M,) s
+    grid      the instants
     channels  of the vehicles
     gamma     (N, 3) flown after the next command
     """
@@ -54,16 +57,26 @@ class Begun:
     state: State
     rates: Array
     covered: Array
-    times: Array
+    grid: Grid
     channels: Channels
     gamma: Array
+
+    @property
+    def times(self) -> Array:
+        """(M,) s"""
+        return self.grid.times
 
     def of(self, vehicles: Indices) -> Begun:
         """The same of some vehicles alone."""
         state, v = self.state, vehicles
         some = State(state.x[v], state.y[v], state.theta[v], state.z[v])
         return Begun(
-            some, self.rates[v], self.covered[v], self.times, self.channels.of_some(v), self.gamma[v]
+            some,
+            self.rates[v],
+            self.covered[v],
+            self.grid.some(v, self.times.size),
+            self.channels.of_some(v),
+            self.gamma[v],
         )
 
 
@@ -85,6 +98,24 @@ class Flow:
         self.channels, self.gamma, self.dt = channels, gamma, dt
         self.depth = int(np.ceil(channels.delay.max() / dt - 1e-9))
         """Commands that may be on their way to a channel at once."""
+        self._grid = Grid.of(channels, dt, _INSTANTS)
+        # How long each of the commands on their way, the oldest first, is heard, in all and at each instant.
+        delay = channels.delay
+        early = dt * np.arange(1.0, max(self.depth, 1) + 1)
+        self._heard = []
+        for k in range(self.depth - 1, -1, -1):
+            begin = np.maximum(delay - (k + 1) * dt, 0.0)
+            long = np.maximum(delay - k * dt, 0.0) - begin
+            self._heard.append((k, long, _within(early, begin, long)))
+        # In a period each channel hears one change, from the command `back + 1` periods old to the next.
+        self._back = np.floor(delay / dt + 1e-9).astype(int)
+        self._until = np.maximum(delay - self._back * dt, 0.0)
+
+    def grid(self, instants: int) -> Grid:
+        """The first instants."""
+        if instants > self._grid.times.size:
+            self._grid = Grid.of(self.channels, self.dt, 2 * instants)
+        return self._grid.some(slice(None), instants)
 
     def begin(self, state: State, rates: Array, queued: Array, times: Array) -> Begun:
         """Take what is on its way into account.
@@ -95,31 +126,27 @@ class Flow:
         """
         y, few = rates, max(self.depth, 1)
         # After `depth` periods all of it has been heard.
-        early = times[:few]
-        covered = np.zeros((*rates.shape, early.size))
-        for k in range(self.depth - 1, -1, -1):
-            begin = np.maximum(self.channels.delay - (k + 1) * self.dt, 0.0)
-            long = np.maximum(self.channels.delay - k * self.dt, 0.0) - begin
+        covered = np.zeros((*rates.shape, times.size))
+        early = covered[..., :few]
+        for k, long, within in self._heard:
             motion = self.channels.towards(y, queued[k])
-            covered += motion.integral(_within(early, begin, long))
+            early += motion.integral(within[..., : early.shape[-1]])
             y = motion.value(long)
-        covered = np.concatenate([covered, np.repeat(covered[..., -1:], times.size - early.size, -1)], -1)
-        return Begun(state, y, covered, times, self.channels, self.gamma)
+        covered[..., few:] = early[..., -1:]
+        return Begun(state, y, covered, self.grid(times.size), self.channels, self.gamma)
 
     def after(self, rates: Array, queued: Array) -> Array:
         """The rates (N, 3) one period after `rates`, with the commands (K, N, 3) given, the latest first.
 
         K is the depth and one more, or the longest that there is.
         """
-        delay = self.channels.delay
-        back = np.floor(delay / self.dt + 1e-9).astype(int)
-        until = np.maximum(delay - back * self.dt, 0.0)
+        vehicle, channel = np.arange(len(rates))[:, None], np.arange(3)
 
         def heard(k: Indices) -> Array:
-            return np.asarray(np.take_along_axis(queued, np.minimum(k, len(queued) - 1)[None], axis=0)[0])
+            return np.asarray(queued[np.minimum(k, len(queued) - 1), vehicle, channel])
 
-        changing = self.channels.towards(rates, heard(back + 1)).value(until)
-        return self.channels.towards(changing, heard(back)).value(self.dt - until)
+        changing = self.channels.towards(rates, heard(self._back + 1)).value(self._until)
+        return self.channels.towards(changing, heard(self._back)).value(self.dt - self._until)
 
     def times(self, rates: Array) -> Array:
         """Instants dt, 2 dt, ... [s] until all channels have settled on gamma, whatever is on its way.
@@ -142,28 +169,30 @@ class Flow:
 
     def covered(self, begun: Begun, u: Array) -> Array:
         """Integrals (..., N, 3, M) of the channels when u (..., N, 3) is commanded, then gamma."""
-        channels, times, dt = begun.channels, begun.times, self.dt
-        delay = channels.delay
+        channels, grid = begun.channels, begun.grid
         told = channels.towards(np.broadcast_to(begun.rates, u.shape), u)
-        # u is heard for one period: only one of the instants lies inside it.
-        inside = np.floor(delay / dt + 1e-9) + 1.0
-        two = told.integral(np.stack([inside * dt - delay, np.full(delay.shape, dt)], axis=-1))
-        index = np.round(times / dt)
-        within, after = (index == inside[..., None]) * 1.0, (index > inside[..., None]) * 1.0
-        covered: Array = begun.covered + within * two[..., :1] + after * two[..., 1:]
-        evading = channels.towards(told.value(dt), np.broadcast_to(begun.gamma, u.shape))
-        covered += evading.integral(np.maximum(times - (delay + dt)[..., None], 0.0))
+        two = told.integral(grid.heard)
+        evading = channels.towards(told.value(self.dt), np.broadcast_to(begun.gamma, u.shape))
+        covered = evading.integral(grid.evading, grid.decay)
+        covered += begun.covered
+        covered += grid.within * two[..., :1]
+        covered += grid.after * two[..., 1:]
         return covered
 
     def paths(self, begun: Begun, covered: Array) -> Paths:
         """The paths of channels whose integrals are `covered` (..., N, 3, M)."""
         far, turned, climbed = covered[..., 0, :], covered[..., 1, :], covered[..., 2, :]
-        way, half = _steps(far), 0.5 * _steps(turned)
+        way, half = steps(far), 0.5 * steps(turned)
         course = begun.state.theta[:, None] + turned - half
         share = _chord(half) * way
         at = np.empty(far.shape, dtype=complex)
-        at.real = begun.state.x[:, None] + np.cumsum(share * np.cos(course), axis=-1)
-        at.imag = begun.state.y[:, None] + np.cumsum(share * np.sin(course), axis=-1)
+        for part, begin, turned_to in (
+            (at.real, begun.state.x, np.cos(course)),
+            (at.imag, begun.state.y, np.sin(course)),
+        ):
+            turned_to *= share
+            turned_to[..., 0] += begin
+            np.cumsum(turned_to, axis=-1, out=part)
         radius = begun.gamma[:, 0] / begun.gamma[:, 1]
         arm = -1j * radius * np.exp(1j * (begun.state.theta + turned[..., -1]))
         return Paths(at, begun.state.z[:, None] + climbed, at[..., -1] - arm, arm)
@@ -178,45 +207,12 @@ def _chord(half: Array) -> Array:
     return np.asarray(1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))
 
 
-def _steps(total: Array) -> Array:
+def steps(total: Array) -> Array:
     """What each period adds to integrals (..., M) that start at 0."""
-    step = total.copy()
-    step[..., 1:] -= total[..., :-1]
+    step = np.empty(total.shape)
+    step[..., 0] = total[..., 0]
+    np.subtract(total[..., 1:], total[..., :-1], out=step[..., 1:])
     return step
-
-
-@dataclass(frozen=True, eq=False)
-class Reach:
-    """How far any input of the box can move each vehicle from gamma's flow [m].
-
-    at      (N, M) at the instants
-    centre  (N,) the circle's centre, level
-    arm     (N,) the arm
-    circle  (N,) at any phase of the circle, with its height
-    """
-
-    at: Array
-    centre: Array
-    arm: Array
-    circle: Array
-
-
-def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array) -> Reach:
-    """How far any input of the box can move each vehicle.
-
-    gamma, lower, upper  (N, 3, M) integrals of the channels under gamma and under the ends of the box
-
-    A channel told more is at no time lower, so the integrals lie between those of the ends. With them the
-    bound is a proof: |v e^{j theta} - v' e^{j theta'}| <= |v - v'| + v' |theta - theta'|, a course's change
-    never shrinks along the flow, and an arm of length r moves by r times it at most.
-    """
-    off = np.maximum(np.abs(lower - gamma), np.abs(upper - gamma))
-    turned, up = off[:, 1], off[:, 2]
-    level = off[:, 0] + np.cumsum(np.abs(_steps(gamma[:, 0])) * turned, axis=-1)
-    arm = np.abs(begun.gamma[:, 0] / begun.gamma[:, 1]) * turned[:, -1]
-    centre = level[:, -1] + arm
-    circle = centre + arm
-    return Reach(np.sqrt(level**2 + up**2), centre, arm, np.sqrt(circle**2 + up[:, -1] ** 2))
 
 
 def _within(times: Array, begin: Array, long: Array) -> Array:

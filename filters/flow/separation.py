@@ -16,7 +16,8 @@ import numpy as np
 
 from filters.constraints import Indices
 from filters.flow.phases import Phases
-from filters.flow.rollout import Complex, Paths, Reach
+from filters.flow.reach import Reach
+from filters.flow.rollout import Complex, Paths
 from filters.model import Array
 
 # Instants looked at together: one distance and the ways flown bound the others.
@@ -29,7 +30,8 @@ _ROUND_OFF = 1e-6
 class Samples:
     """Samples of pairs (P,) under gamma: the first T of S are about instants, the others about circles.
 
-    pair        (S,) index of the pair
+    p, q        (S,) the two vehicles of each sample
+    at_p, at_q  (S,) complex m, where they are
     instant     (T,) index of the instant
     turn        (S - T,) exp(j phase)
     away, up    (S,) unit vectors from j to i, horizontal as complex numbers, and vertical
@@ -39,7 +41,10 @@ class Samples:
 
     i: Indices
     j: Indices
-    pair: Indices
+    p: Indices
+    q: Indices
+    at_p: Complex
+    at_q: Complex
     instant: Indices
     turn: Complex
     away: Complex
@@ -74,8 +79,6 @@ def samples(gamma: Paths, i: Indices, j: Indices, kept: Kept, reach: Reach) -> S
     near = kept.level + 2 / kept.kappa * reach.at
     near_late = kept.level + 2 / kept.kappa * reach.circle
     pair, instant = _looked_at(gamma, i, j, near, whole)
-    p, q = i[pair], j[pair]
-    level, height = gamma.at[p, instant] - gamma.at[q, instant], gamma.z[p, instant] - gamma.z[q, instant]
     late = np.flatnonzero(whole < np.maximum(near_late[i], near_late[j]))
     p, q = i[late], j[late]
     then = (apart[late] + reach.centre[p] + reach.centre[q]) * (arms[late] + reach.arm[p] + reach.arm[q])
@@ -83,14 +86,37 @@ def samples(gamma: Paths, i: Indices, j: Indices, kept: Kept, reach: Reach) -> S
     nearest = np.angle(-between[late] * np.conj(swing[late]))
     which, turn = kept.phases.chosen(nearest, kept.turned, parallel)
     which = late[which]
-    level = np.concatenate([level, between[which] + swing[which] * turn])
-    height = np.concatenate([height, last[which]])
+    p, q = (np.concatenate([x.take(pair), x.take(which)]) for x in (i, j))
+    early = pair.size
+    at_p, at_q = (_positions(gamma, x, instant, turn) for x in (p, q))
+    z = gamma.z.ravel()
+    level, height = at_p - at_q, np.empty(p.size)
+    height[:early] = z.take(_flat(gamma, p[:early], instant)) - z.take(_flat(gamma, q[:early], instant))
+    height[early:] = last.take(which)
     distance = np.sqrt(level.real**2 + level.imag**2 + height**2)
     least = whole.copy()
-    np.minimum.at(least, pair, distance[: pair.size])
+    if early:  # samples of one pair stand together
+        first = np.flatnonzero(np.concatenate([[True], pair[1:] != pair[:-1]]))
+        found = pair[first]
+        least[found] = np.minimum(least[found], np.minimum.reduceat(distance[:early], first))
     scale = 1.0 / np.maximum(distance, 1e-9)
-    pair = np.concatenate([pair, which])
-    return Samples(i, j, pair, instant, turn, level * scale, height * scale, distance, least)
+    return Samples(i, j, p, q, at_p, at_q, instant, turn, level * scale, height * scale, distance, least)
+
+
+def _flat(paths: Paths, vehicle: Indices, instant: Indices) -> Indices:
+    """Places in an array (N, M) laid out row by row."""
+    return np.asarray(vehicle * paths.z.shape[-1] + instant)
+
+
+def _positions(gamma: Paths, vehicle: Indices, instant: Indices, turn: Complex) -> Complex:
+    """Where vehicles (S,) are: the first at instants (T,), the others at phases (S - T,) of their circles."""
+    early, late = vehicle[: instant.size], vehicle[instant.size :]
+    found = np.empty(vehicle.size, dtype=complex)
+    found[: instant.size] = gamma.at.ravel().take(_flat(gamma, early, instant))
+    circle = found[instant.size :]
+    np.multiply(gamma.arm.take(late), turn, out=circle)
+    circle += gamma.centre.take(late)
+    return found
 
 
 def _looked_at(gamma: Paths, i: Indices, j: Indices, near: Array, whole: Array) -> tuple[Indices, Indices]:
@@ -176,28 +202,33 @@ class Rows:
 
 def rows(found: Samples, kept: Kept, reach: Reach) -> Rows:
     """The rows that some input may break, of both vehicles of each pair."""
-    split = found.instant.size
+    split, places = found.instant.size, reach.rest.shape[-1]
     share = 0.5 * kept.kappa * (found.distance - kept.level)
     allowed = np.maximum(share, 0.0)
-    parts: list[list[tuple[Indices, Indices, Indices, float]]] = [[], []]
-    for vehicle, other, sign in ((found.i, found.j, 1.0), (found.j, found.i, -1.0)):
-        own = vehicle[found.pair]
-        far = np.concatenate([reach.at[own[:split], found.instant], reach.circle[own[split:]]])
-        k = np.flatnonzero(allowed < far)
-        cut = int(np.searchsorted(k, split))
-        for part, some in zip(parts, (k[:cut], k[cut:]), strict=True):
-            part.append((own[some], other[found.pair[some]], some, sign))
-    ordered = [*parts[0], *parts[1]]
-    sample = np.concatenate([some for _, _, some, _ in ordered])
-    sign_of = np.concatenate([np.full(some.size, sign) for _, _, some, sign in ordered])
-    cut = sum(some.size for _, _, some, _ in parts[0])
+    place = np.full(found.p.size, places - 1)
+    place[:split] = found.instant
+    early, late = [], []
+    for vehicle, at, sign in ((found.p, found.at_p, 1.0), (found.q, found.at_q, -1.0)):
+        out = at - reach.start.take(vehicle)
+        across = found.away.imag * out.real - found.away.real * out.imag
+        far = reach.along(vehicle * places + place, sign * across, sign * found.up)
+        some = np.flatnonzero(allowed < far)
+        cut = int(np.searchsorted(some, split))
+        early.append(some[:cut])
+        late.append(some[cut:])
+    # The transient's rows of both sides, then the circle's.
+    sample = np.concatenate([*early, *late])
+    cut = early[0].size + early[1].size
+    first = np.repeat([True, False, True, False], [x.size for x in (*early, *late)])
+    sign_of = np.where(first, 1.0, -1.0)
+    p, q = found.p.take(sample), found.q.take(sample)
     return Rows(
-        np.concatenate([own for own, _, _, _ in ordered]),
-        np.concatenate([other for _, other, _, _ in ordered]),
-        sign_of * found.away[sample],
-        sign_of * found.up[sample],
-        -allowed[sample],
-        np.maximum(-share[sample], 0.0),
-        found.instant[sample[:cut]],
-        found.turn[sample[cut:] - split],
+        np.where(first, p, q),
+        np.where(first, q, p),
+        sign_of * found.away.take(sample),
+        sign_of * found.up.take(sample),
+        -allowed.take(sample),
+        np.maximum(-share.take(sample), 0.0),
+        found.instant.take(sample[:cut]),
+        found.turn.take(sample[cut:] - split),
     )
