@@ -7,8 +7,8 @@ under the ends of the box; and |v e^{j theta} - v' e^{j theta'}| <= |v - v'| + v
 changed by delta before the vehicle has got far turns what lies ahead about where it is now: with P the
 position at a sample and P0 that of now, P moves along the unit vector e by delta e j (P - P0). What that
 leaves is `rest`: the way flown less or more; the way flown while the course still changes, which is the
-integral of |P - P0| over delta; and terms of delta squared. Positions are summed over periods with each period's mean
-course, for which a period's way times delta is added.
+integral of |P - P0| over delta; and terms of delta squared. Positions are summed over periods with each
+period's mean course, for which a period's way times delta is added.
 """
 
 from __future__ import annotations
