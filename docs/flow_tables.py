@@ -164,6 +164,9 @@ def main(asked: list[str]) -> int:
     elif asked[:1] == ["lagged"]:
         add("lagged", 10)
     elif asked[:1] == ["pairs"]:
+        if asked[2:]:  # only these autopilots
+            for name in set(FLOWN) - set(asked[2:]):
+                del FLOWN[name]
         add("pairs", int(asked[1]) if asked[1:] else 50)
     elif asked[:1] == ["slowed"] and asked[1:]:
         FLOWN.clear()

@@ -46,7 +46,7 @@ def test_remedies_fly_the_seeds_asked_for(tmp_path: Path, call: Callable[..., in
 def test_an_answer_that_was_stopped_goes_on_and_ends_with_the_same_bytes(
     tmp_path: Path, call: Callable[..., int], monkeypatch: pytest.MonkeyPatch, stopped_after: int
 ) -> None:
-    asked = ["answer", "--airframes", "x8", "--vehicles", "2", "--only", "none", "--only", "lags, +0.5 m"]
+    asked = ["answer", "--airframes", "x8", "--weather", "calm", "--only", "none", "--only", "lags, +0.5 m"]
     asked += ["--seeds", "2", "--first-seed", "1001", "--workers", "1", "--set", "duration_s=0.1"]
     assert call(*asked, "--out", tmp_path / "whole") == 0
     flown = []
@@ -57,6 +57,7 @@ def test_an_answer_that_was_stopped_goes_on_and_ends_with_the_same_bytes(
         flown.append(job.seed)
         return measure(job)
 
+    stopping.__module__ = measure.__module__
     monkeypatch.setattr("testbed.studies.answer.answer.measure", stopping)
     assert call(*asked, "--out", tmp_path / "parts") != 0
     monkeypatch.undo()
@@ -76,9 +77,21 @@ MISTAKES = {
     ("margin", "paper-20-navigation", "--knob", "ds_buffer"): "filter 'navigation' cannot take it",
     ("margin", "paper-2-straight", "--knob", "derate"): "a 'straight' barrier has no turn; try derate_speed",
     ("remedies", "paper-20-navigation"): "filter 'navigation' cannot take it",
-    ("answer", "--vehicles", "3"): "--vehicles 3: give 2, 20 or 2,20",
-    ("answer", "--only", "lag, +0.5 m"): "unknown remedy; did you mean lags, +0.5 m",
-    ("answer", "--fleet-seeds", "0"): "--seeds 0: give at least 1",
+    ("answer", "--vehicles", "3"): "--vehicles 3: give 2, 20 or 50",
+    ("answer", "--only", "lag, +0.5 m"): "--only 'lag, +0.5 m': unknown; did you mean lags, +0.5 m",
+    ("answer", "--guidance", "layer"): "--guidance 'layer': unknown; did you mean layers",
+    (
+        "answer",
+        "--vehicles",
+        "2",
+        "--missions",
+        "random",
+    ): "--missions random: nothing to fly; 2 vehicles fly",
+    ("answer", "--vehicles", "20", "--fleet-seeds", "0"): "--seeds 0: give at least 1",
+    ("answer", "--cells", "0"): "--cells 0: give numbers from 1 to",
+    ("answer", "--cells", "7-5"): "--cells 7-5: the last number is below the first",
+    ("answer", "--cells", "1", "--vehicles", "2"): "--cells: it chooses among the page's cells",
+    ("answer", "--cells", "1", "--add", "nowhere"): "--add nowhere: no folder of `testbed answer`",
 }
 
 

@@ -1,1 +1,1 @@
-"""The central table: aircraft, numbers of vehicles, weather and remedies."""
+"""The answer: fleets, missions, weather, remedies and guidance."""

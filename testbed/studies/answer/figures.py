@@ -1,4 +1,4 @@
-"""Draws the central table: rates with intervals, setting by setting."""
+"""Draws the answer: rates with intervals, cell by cell."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from testbed.report.style import (
     save,
     styles,
 )
+from testbed.studies.answer.cells import COLUMNS, Cell
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 def answer(table: pd.DataFrame, folder: Path) -> list[Path]:
-    """Share of runs that lose Ds, by case, with intervals."""
+    """Share of runs that lose Ds, by cell, with intervals."""
     with drawing() as pyplot:
         figure, a = pyplot.subplots(figsize=(PAGE, 0.2 * len(table) + 0.9), layout="constrained")
         y = np.arange(len(table))[::-1]
@@ -39,7 +40,7 @@ def answer(table: pd.DataFrame, folder: Path) -> list[Path]:
                 color=looks[vehicle]["color"],
                 label=vehicle,
             )
-        names = [f"{r.number} {r.vehicle}, {r.weather}, {r.remedy}" for r in table.itertuples()]
+        names = [str(Cell(*key)) for key in table[COLUMNS].itertuples(index=False)]
         a.set_yticks(y, names)
         a.set(xlabel="runs that lose Ds [%], 95 % Clopper-Pearson interval")
         a.set(xlim=(-2, 102), ylim=(-0.7, len(table) - 0.3))

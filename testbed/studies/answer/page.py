@@ -1,4 +1,4 @@
-"""Makes the central table's part of a page."""
+"""Makes the answer's part of a page."""
 
 from __future__ import annotations
 
@@ -20,16 +20,14 @@ from testbed.report.folder_files import (
     rate_fact,
     text_of,
 )
+from testbed.studies.answer.cells import COLUMNS, Cell
 
 
 def part(folder: Path, title: str) -> Part:
-    """Aircraft, numbers, weather and remedies in one table."""
+    """Fleets, missions, weather, remedies and guidance in one table."""
     data, rows = json_of(folder / "answer.json"), read_csv(text_of(folder / "answer.csv"))
     held = [r for r in rows if r["lost"] == 0]
-    facts = [
-        rate_fact(f"{r['number']} {r['vehicle']}, {r['weather']}, {r['remedy']}", r["lost"], r["runs"])
-        for r in rows
-    ]
+    facts = [rate_fact(str(Cell(**{name: r[name] for name in COLUMNS})), r["lost"], r["runs"]) for r in rows]
     return Part(
         title=title,
         what="Does the guarantee survive? Every row one setting flown from common seeded starts.",

@@ -1,8 +1,8 @@
-"""Flies the central table and writes it with its figure and page."""
+"""Flies cells of the answer and writes them with their figure and page."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,57 +14,53 @@ from testbed.report.page import reported
 from testbed.statistics import Rate
 from testbed.studies.answer import answer as answers
 from testbed.studies.answer import figures, page
+from testbed.studies.answer.cells import Cell, scenarios
+from testbed.studies.answer.folders import added
 from testbed.studies.common.found import Found
 
 
 def answer(
-    airframes: list[str],
-    vehicles: dict[int, range],
+    seeds: Mapping[Cell, range],
     out: Path,
     workers: int | None,
     overwrite: bool,
-    only: Sequence[str] = (),
     changes: Sequence[str] = (),
+    add: Sequence[Path] = (),
 ) -> Found:
-    """The central table: runs.csv (a row per run), answer.csv, answer.md, figure.
+    """The answer's cells: runs.csv (a row per run), answer.csv (per cell), answer.md, figure, page.
 
-    vehicles  numbers of vehicles, and the seeds of each
-    only      names of the remedies to fly; empty flies the usual ones
-    changes   of every scenario, as --set takes them
+    seeds    the cells to fly, and the seeds of each
+    changes  of every scenario, as --set takes them
+    add      folders of earlier answers, whose runs are taken over and not flown again
     """
     check_free(out, overwrite)
-    made = answers.cases(airframes, vehicles, only, changes)
+    made = scenarios(seeds, changes)
+    airframes = {name: sha for s in made.values() for name, sha in catalogue.airframe_hashes(s).items()}
+    known, airframes = added(add, list(changes), airframes)
     with journal_beside(out, "answer") as kept:
-        runs = answers.answer(made, vehicles, kept, workers)
+        runs = answers.fly(made, seeds, kept, workers, known)
         table = answers.table(runs)
         with reported(out, page.part, overwrite) as folder:
             runs.to_csv(folder / "runs.csv", index=False)
             table.to_csv(folder / "answer.csv", index=False)
             (folder / "answer.md").write_text(answers.markdown(table), encoding="utf-8")
-            asked: dict[str, Any] = {
-                "seeds": {str(n): [k[0], k[-1]] for n, k in vehicles.items()},
-                "versions": versions(),
-            }
+            asked: dict[str, Any] = {"versions": versions(), "airframes": airframes}
             if changes:
                 asked["set"] = list(changes)
-            hashes = [catalogue.airframe_hashes(s) for s in made.values()]
-            asked["airframes"] = {name: sha for of in hashes for name, sha in of.items()}
             write_json(folder / "answer.json", asked)
             figures.answer(table, folder)
     rows = [
         {
-            "fleet": f"{r.number} {r.vehicle}",
+            "fleet": f"{r.number} {r.vehicle} {r.mission}",
             "air": r.weather,
-            "remedy": r.remedy,
+            "remedy; guidance": f"{r.remedy}; {r.guidance}",
             "lost": f"{r.lost}/{r.runs}",
-            "distinct": r.distinct,
-            "95 % interval": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
-            "least [m]": round(r.least_distance_m, 2),
-            "arrived": f"{r.arrived}/{r.runs}",
-            "vehicles": f"{100 * r.arrived_share:.0f} %",
-            "added [s]": round(r.time_added_s, 1),
+            "95 %": f"{100 * r.rate_low:.0f}-{100 * r.rate_high:.0f} %",
+            "least": round(r.least_distance_m, 2),
+            "h < 0": f"{r.h_below_0}/{r.runs}",
+            "home": f"{100 * r.arrived_share:.0f} %",
         }
         for r in table.itertuples()
     ]
     title = f"does the guarantee survive? runs that lose Ds = {answers.d_safe_m():g} m"
-    return Found(out, title, rows, [f"intervals of rates: {Rate.method}"])
+    return Found(out, title, rows, [f"intervals of rates: {Rate.method}; home: vehicles that arrived"])

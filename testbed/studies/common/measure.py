@@ -10,13 +10,15 @@ from typing import Any
 from testbed.campaigns.job import Job
 from testbed.campaigns.sent_parts import SentParts
 from testbed.claims.nearest import nearest_approach
-from testbed.claims.registry import GOAL, INTERVENTION, QP_FEASIBILITY, SAFE_SET, START_SAFE
+from testbed.claims.registry import GOAL, INTERVENTION, PROGRESS, QP_FEASIBILITY, SAFE_SET, START_SAFE
 from testbed.components.components import Parts
 from testbed.components.installed_parts import effective
 from testbed.scenario.scenario import Scenario, parse
 from testbed.scenario.start import RandomGoals
 
 Fields = dict[str, Any]
+# The flow filter's own clearance: what flow.md calls F1.
+FLOW_CLEAR = "monitor-flow_clear"
 STARTS = {"lateral_perturbation_m": 10.0, "heading_perturbation_deg": 5.0, "height_perturbation_m": 1.0}
 
 
@@ -50,11 +52,17 @@ def measure(job: Job, parts: Parts | None = None) -> dict[str, Any]:
     row["overridden_share"] = done.guarantee(INTERVENTION.id)["value"]
     for name in ("path_added_m", "time_added_s"):
         added = done.guarantee(INTERVENTION.id)["detail"][name]
-        row["arrived_share"] = sum(a is not None for a in added) / len(added)
+        home = [a for a in added if a is not None]
+        row["arrived_share"] = len(home) / len(added)
         # The cost is not known before every vehicle has arrived.
-        row[name] = max(added) if None not in added else None
+        row[name] = max(home) if len(home) == len(added) else None
     row["goal_m"] = done.guarantee(GOAL.id)["value"]
     row["goal_passed_s"] = done.guarantee(GOAL.id)["detail"].get("last_passed_s")
+    others = {v.id: v for v in done.guarantees}
+    # Vehicles that waited longer than G7b allows, and the longest wait; a run too short to tell has neither.
+    row["waiting"] = others[PROGRESS.id].detail.get("waiting") if PROGRESS.id in others else None
+    row["wait_s"] = others[PROGRESS.id].value if PROGRESS.id in others else None
+    row["flow_m"] = others[FLOW_CLEAR].value if FLOW_CLEAR in others else None
     return row
 
 
