@@ -1,11 +1,11 @@
-"""Flies the flow filter on fresh seeds and writes the tables of docs/guide/flow-measured.md.
+"""Flies the flow filter on fresh seeds, for docs/guide/flow-measured.md.
 
     python docs/flow_tables.py lagged          # twenty vehicles on the lagged plant, 10 seeds, both airframes
-    python docs/flow_tables.py pairs [SEEDS]   # two X8s, head-on and crossing, under three autopilots
+    python docs/flow_tables.py pairs [SEEDS [AUTOPILOT ...]]   # two X8s, head-on and crossing
     python docs/flow_tables.py slowed FOLDER [SEEDS]   # the same of an airframe of your own
-    python docs/flow_tables.py page            # the page, of what has been flown
+    python docs/flow_page.py                   # the page, of what has been flown
 
-A run that is in docs/guide/data/flow.csv is not flown again.
+A run that is in docs/guide/data/flow.csv is not flown again. Fleets in JSBSim are cells of `testbed answer`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import testbed
 from testbed.scenario.scenario import load
-from testbed.statistics import rate
 
-GUIDE = Path(__file__).parent / "guide"
-DATA = GUIDE / "data" / "flow.csv"
+DATA = Path(__file__).parent / "guide" / "data" / "flow.csv"
 COLUMNS = (
     "table", "case", "seed", "vehicles", "distance_m", "h_m", "flow_m", "arrived", "last_s",
     "path_added_m", "ended",
@@ -102,66 +98,8 @@ def add(table: str, seeds: int) -> None:
             )
 
 
-TITLES = {
-    "lagged": "Twenty vehicles on the lagged plant, 40 s, m = 0",
-    "pairs": "Two X8s in JSBSim, 30 s, m = 2 m",
-}
-HEAD = (
-    "case", "runs", "lost", "interval [%]", "least distance [m]", "least h [m]",
-    "least clearance on the flow [m]", "arrived", "last at [s]", "path added, median and most [m]",
-)  # fmt: skip
-
-
-def page() -> str:
-    """The page, in Markdown."""
-    lines = [
-        "# What the flow filter was measured at",
-        "",
-        "Seeds from 2001 on, on which nobody tuned, all in calm air. Lost is a run with less than Ds between",
-        "two vehicles, or one that ended early; intervals are 95 %. h is the paper's, at the true state; the",
-        "path added is that of the vehicle that flew most.",
-        "",
-        "Remade by `python docs/flow_tables.py lagged`, `... pairs 50`, `... slowed FOLDER 8`, `... page`;",
-        "every run is a row of [data/flow.csv](data/flow.csv). FOLDER is the X8's with turn, climb and speed",
-        "bandwidths of 3.6, 0.8 and 0.6 rad/s in airframe.toml, identified anew.",
-        "",
-    ]
-    for table, title in TITLES.items():
-        rows = [r for r in flown() if r["table"] == table]
-        if rows:
-            lines += [f"## {title}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
-            named = dict.fromkeys(r["case"] for r in rows)
-            lines += [_line(case, [r for r in rows if r["case"] == case]) for case in named]
-            lines.append("")
-    return "\n".join(lines)
-
-
-def _line(case: str, rows: list[dict[str, str]]) -> str:
-    def numbers(column: str) -> list[float]:
-        return [float(r[column]) for r in rows if r[column]] or [float("nan")]
-
-    lost = rate([float(r["distance_m"]) < 5.0 or bool(r["ended"]) for r in rows])
-    arrived, all_ = sum(int(r["arrived"]) for r in rows), sum(int(r["vehicles"]) for r in rows)
-    added = numbers("path_added_m")
-    cells = (
-        case,
-        len(rows),
-        lost.count,
-        f"{100 * lost.low:.1f} to {100 * lost.high:.1f}",
-        f"{min(numbers('distance_m')):.2f}",
-        f"{min(numbers('h_m')):.2f}",
-        f"{min(numbers('flow_m')):.3f}",
-        f"{arrived} of {all_}",
-        f"{max(numbers('last_s')):.1f}",
-        f"{np.median(added):.1f}, {max(added):.1f}",
-    )
-    return "| " + " | ".join(map(str, cells)) + " |"
-
-
 def main(asked: list[str]) -> int:
-    if asked[:1] == ["page"]:
-        (GUIDE / "flow-measured.md").write_text(page(), encoding="utf-8")
-    elif asked[:1] == ["lagged"]:
+    if asked[:1] == ["lagged"]:
         add("lagged", 10)
     elif asked[:1] == ["pairs"]:
         if asked[2:]:  # only these autopilots

@@ -20,6 +20,7 @@ from testbed.studies.answer.folders import added
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
 import answer_page  # noqa: E402
+import flow_page  # noqa: E402
 
 KEPT = ROOT / "docs/guide/data/answer"
 
@@ -66,7 +67,7 @@ def test_numbers_choose_cells_and_each_once() -> None:
 def _run(seed: int, **more: object) -> dict[str, object]:
     cell = Cell("x8", 20, "swap", "calm", "flow, +2 m", "layers")
     row = {"seed": seed, "distance_m": 7.0, "distance_verdict": "holds", "h_m": 1.0, "arrived_share": 1.0}
-    return cell._asdict() | row | {"goal_passed_s": 22.0, "waiting": 0, "flow_m": 0.1} | more
+    return cell.named() | row | {"goal_passed_s": 22.0, "waiting": 0, "flow_m": 0.1} | more
 
 
 def test_what_is_counted() -> None:
@@ -135,3 +136,5 @@ def test_the_page_is_the_committed_table_and_that_follows_from_every_run() -> No
     page = answer_page.PAGE.read_text("utf-8")
     assert answer_page.written(page, answer_page.tables(kept)) == page, "python docs/answer_page.py"
     assert {Cell(*key) for key in kept[COLUMNS].itertuples(index=False)} <= set(design.CELLS)
+    flown, runs = pd.read_csv(KEPT.parent / "flow.csv"), pd.read_csv(KEPT / "runs.csv")
+    assert flow_page.page(flown, runs) == flow_page.PAGE.read_text("utf-8"), "python docs/flow_page.py"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,6 +18,9 @@ from testbed.cli.common import (
     show_study,
 )
 from testbed.errors import UserError
+
+if TYPE_CHECKING:
+    from testbed.studies.answer.cells import Cell
 
 EXAMPLE = "Example: testbed answer --airframes x8 --vehicles 2 --seeds 20"
 
@@ -95,7 +99,7 @@ def _axes(
     weather: str | None,
     guidance: str | None,
     only: list[str] | None,
-) -> dict[str, list[object]]:
+) -> dict[str, Sequence[Any]]:
     """The values of each axis, if any was named; else nothing."""
     from testbed.studies.answer import cells as made
     from testbed.studies.answer.design import FLOW, LAGS, NONE
@@ -119,7 +123,7 @@ def _axes(
     }
 
 
-def _list(runs: dict[object, range]) -> None:
+def _list(runs: dict[Cell, range]) -> None:
     """Prints the cells, with their number on the page where they have one."""
     from testbed.studies.answer import design
 

@@ -63,7 +63,7 @@ def fly(
     code = code_id(measure.__module__)
     flown = pd.DataFrame(
         [
-            cell._asdict() | {"seed": job.seed} | {k: row[k] for k in row if k != "rung"} | {"code": code}
+            cell.named() | {"seed": job.seed} | {k: row[k] for k in row if k != "rung"} | {"code": code}
             for (cell, job), row in zip(jobs, rows, strict=True)
         ]
     )
@@ -90,7 +90,7 @@ def _row(cell: Cell, runs: list[dict[str, Any]]) -> dict[str, Any]:
     below = rate([not r.get("h_m", math.nan) >= 0 for r in runs])
     distances = _known(runs, "distance_m")
     arrived = sum(_known(runs, "arrived_share")) / lost.runs
-    return cell._asdict() | {
+    return cell.named() | {
         "runs": lost.runs,
         "distinct": distinct_results(runs, without=NAMES),
         "lost": lost.count,

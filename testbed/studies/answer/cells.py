@@ -86,11 +86,15 @@ class Cell(NamedTuple):
     remedy: str
     guidance: str
 
+    def named(self) -> dict[str, Any]:
+        """Its values by column."""
+        return dict(zip(COLUMNS, self, strict=True))
+
     def __str__(self) -> str:
         return f"{self.number} {self.vehicle}, {self.mission}, {self.weather}; {self.remedy}; {self.guidance}"
 
 
-COLUMNS = list(Cell._fields)
+COLUMNS = list(Cell.__annotations__)
 OPTIONS = {
     "number": "--vehicles",
     "mission": "--missions",
