@@ -20,6 +20,7 @@ from testbed.claims.judging import (
     premise_not_met,
     void,
 )
+from testbed.claims.promises import excused
 from testbed.measures.declared_barrier import DeclaredBarrier
 from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.extreme import Extreme
@@ -315,10 +316,10 @@ def test_what_rests_on_the_scenarios_barrier_is_measured_and_not_judged() -> Non
 
 
 def test_the_flow_filter_is_excused_from_the_same_but_the_rows() -> None:
-    own, flow = registry.excused(declared=True, flow=False), registry.excused(declared=False, flow=True)
+    own, flow = excused(declared=True), excused(declared=False, kind="flow")
     assert own - flow == {"rows-satisfied"} and flow < own and len(own) == 6
-    assert registry.excused(declared=True, flow=True) == flow
-    assert registry.excused(declared=False, flow=False) == frozenset()
+    assert excused(declared=True, kind="flow") == flow
+    assert excused(declared=False) == frozenset()
 
 
 def test_the_scenarios_rows_are_measured_at_their_worst_pair() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from testbed.claims import registry
+from testbed.claims import promises, registry
 from testbed.records.verdict import Kind, Status
 from testbed.verification import coverage_table
 from tests import registered
@@ -40,11 +40,11 @@ def test_claims_are_grouped_by_what_they_rest_on() -> None:
 
 
 def test_what_a_filter_did_not_claim_is_excused() -> None:
-    own, flow = registry.excused(declared=True, flow=False), registry.excused(declared=False, flow=True)
+    own, flow = promises.excused(declared=True), promises.excused(declared=False, kind="flow")
     assert own == {c.id for c in registry.OF_THE_PAPERS_BARRIER}
     assert own - flow == {"rows-satisfied"} and flow < own
-    assert registry.excused(declared=True, flow=True) == flow
-    assert registry.excused(declared=False, flow=False) == frozenset()
+    assert promises.excused(declared=True, kind="flow") == flow
+    assert promises.excused(declared=False) == frozenset()
 
 
 def test_a_claim_without_data_is_not_applicable_in_the_scenarios_words() -> None:

@@ -44,8 +44,15 @@ def test_it_imports_nothing_of_what_it_checks() -> None:
 
     The schema can only add a difference, or name a field as not covered: no claim agrees because of it.
     """
-    common = ("testbed.errors.", "testbed.records.verdict.", "testbed.claims.registry")
-    registered = {f"testbed.claims.monitored.{name}" for name in ("MONITORED", "OF_THE_FLOW", "RECORDED")}
+    common = (
+        "testbed.errors.",
+        "testbed.records.verdict.",
+        "testbed.claims.registry",
+        "testbed.claims.promises",
+    )
+    registered = {
+        f"testbed.claims.monitored.{name}" for name in ("MONITORED", "OF_RIVALS", "OF_THE_FLOW", "RECORDED")
+    }
     schema = {f"testbed.scenario.{name}" for name in ("scenario.parse", "relevance.idle", "installed.PLANTS")}
     for file in (ROOT / "testbed/verification").glob("*.py"):
         for name in imported(file):

@@ -142,7 +142,7 @@ class CollisionFilter:
             raised = blocks if self.margin is None else [rows.raised(self.margin) for rows in blocks]
             left = [rows.left(problem.clipped) for rows in blocks]
             if all([(have >= rows.rhs).all() for have, rows in zip(left, raised, strict=True)]):
-                return _as_wanted(problem, *_over_all(pairs, left[0], n))
+                return _as_wanted(problem, *over_all(pairs, left[0], n))
             u, status, residual = problem.centralised(raised)
         elif view.shared and view.known is None:
             each = self.shares(blocks, n, self.margin)
@@ -155,7 +155,7 @@ class CollisionFilter:
             gamma, view = self.gamma(n), _one_by_one(view)
             own = self._observed(view, gamma)
             u, status, residual = problem.limited(own.raised(self.margin))
-        return problem.decision(u, status, residual, *_over_all(pairs, blocks[0].left(u), n))
+        return problem.decision(u, status, residual, *over_all(pairs, blocks[0].left(u), n))
 
     def _beside(self, intruders: Intruders, view: View, nominal: Command, limits: Limits) -> Decision:
         """`__call__` where there are intruders, which fly what they want."""
@@ -172,7 +172,7 @@ class CollisionFilter:
             u, status, residual = problem.limited(own)
         all_rows = pair_rows(pairs, own_view.state, self.alpha)
         hdot = intruders.hdot(all_rows, u, own_view.rates.array())
-        decision = problem.decision(u, status, residual, *_over_all(pairs, hdot, n))
+        decision = problem.decision(u, status, residual, *over_all(pairs, hdot, n))
         return released(decision, nominal, limits, intruders.vehicles)
 
     def _observed(self, view: View, gamma: Array | None) -> Constraints:
@@ -199,7 +199,7 @@ class CollisionFilter:
         return pairs, (rows, *others)
 
 
-def _over_all(pairs: PairValues, hdot: Array, n: int) -> tuple[PairValues, Array]:
+def over_all(pairs: PairValues, hdot: Array, n: int) -> tuple[PairValues, Array]:
     """Values and hdot over all pairs of n vehicles, nan where two do not know of each other."""
     if len(hdot) == n * (n - 1) // 2:
         return pairs, hdot

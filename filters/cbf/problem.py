@@ -86,7 +86,7 @@ class Problem:
         broken = [b & k for b, k in zip(broken, kept, strict=True)]
         if any(b.any() for b in broken):
             u = u.copy()
-            label = _groups(len(u), blocks, kept)
+            label = groups(len(u), blocks, kept)
             # A row's vehicles are all of one group: its first tells which.
             group = [label[block.vehicles[0]] for block in blocks]
             for g in np.unique(np.concatenate([own[b] for own, b in zip(group, broken, strict=True)])):
@@ -200,7 +200,7 @@ def _worst_of(n: int, blocks: Sequence[Constraints], shortfalls: Sequence[Array]
     return worst
 
 
-def _groups(n: int, blocks: Sequence[Constraints], kept: Sequence[NDArray[np.bool_]]) -> NDArray[np.int_]:
+def groups(n: int, blocks: Sequence[Constraints], kept: Sequence[NDArray[np.bool_]]) -> NDArray[np.int_]:
     """A label (N,) per vehicle, equal where kept rows join vehicles."""
     # Two parents and a loop: scipy's connected components take as long as 500 rows do here.
     parent = list(range(n))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.claims import own_filter, registry
+from testbed.claims import own_filter, promises, registry
 from testbed.claims.judging import at_pair, decide, finer, leave_open, premise_not_met
 from testbed.claims.registry import Claim
 from testbed.measures.between_samples import TOLERANCE_M
@@ -151,9 +151,9 @@ def _admissible(f: Flown, v: Verdict) -> Verdict:
 def _feasibility(f: Flown, v: Verdict) -> Verdict:
     if f.statistics.foreign:
         return own_filter.feasibility(f.statistics, v, f.end)
-    if f.scenario.filter.kind in ("flow", "receding-horizon"):
+    if f.scenario.filter.kind in promises.SOLVING_AT_BEST:
         return v.but(why=registry.NOT_ITS_CLAIM)
-    if f.scenario.filter.kind not in QP_FILTERS or f.statistics.without_qp:
+    if f.scenario.filter.kind not in promises.ALWAYS_SOLVING or f.statistics.without_qp:
         return v.but(why="the filter solves no QP")
     if not f.statistics.filter_steps:
         return premise_not_met(v, "no QP was solved")

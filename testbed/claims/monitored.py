@@ -7,6 +7,7 @@ import numpy as np
 from filters.cbf.theorem_monitor import theorem_checks
 from filters.filter import MonitorRecord
 from filters.flow.flow_filter import flow_checks
+from filters.rivals.collision_cone import cone_checks
 from filters.rivals.gatekeeper import plan_checks
 from testbed.claims.registry import check_claim, check_id
 from testbed.records.verdict import Status, Verdict
@@ -21,18 +22,23 @@ OF_PLANS = tuple(
     check_claim(name, check.claim, f"R{k}", "what is committed to is safe for ever, docs/guide/rivals.md")
     for k, (name, check) in enumerate(plan_checks().items(), 1)
 )
+OF_CONES = tuple(
+    check_claim(name, check.claim, f"R{k}", "Thontepu et al. 2023, arXiv:2209.11524")
+    for k, (name, check) in enumerate(cone_checks().items(), 1)
+)
 # The backup filter watches the flow's first claim alone, of the same flow.
 OF_KINDS = {
     "flow": OF_THE_FLOW,
     "backup": OF_THE_FLOW[:1],
+    "collision-cone": OF_CONES,
     "gatekeeper": OF_PLANS,
     "receding-horizon": OF_PLANS,
 }
 """Kind of filter -> what it promises beside or instead of the paper's claims, as it records it."""
-RECORDED = {claim.id: claim for claim in (*MONITORED, *OF_THE_FLOW, *OF_PLANS)}
+RECORDED = {claim.id: claim for claim in (*MONITORED, *OF_THE_FLOW, *OF_PLANS, *OF_CONES)}
 # Of the monitor's checks, those that are premises of a theorem, not conclusions: one that fails violates
 # nothing.
-PREMISES = ("aligned", "aligned_limited", "gradient", "flow_wind")
+PREMISES = ("aligned", "aligned_limited", "gradient", "flow_wind", "cone_start")
 
 
 def monitored(record: MonitorRecord, s: Scenario) -> list[Verdict]:

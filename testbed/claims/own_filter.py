@@ -10,7 +10,7 @@ from collections.abc import Container, Sequence
 
 import numpy as np
 
-from testbed.claims import registry
+from testbed.claims import promises, registry
 from testbed.claims.judging import at_pair, decide, premise_not_met
 from testbed.measures.declared_barrier import DeclaredBarrier
 from testbed.measures.run_statistics import RunStatistics
@@ -82,7 +82,7 @@ def judged_by_its_own(
 
     i, j  (P,) vehicles of each pair, from 0
     """
-    kept = excused(verdicts, registry.excused(declared=True, flow=False))
+    kept = excused(verdicts, promises.excused(declared=True))
     own, (safe, condition, own_rows) = (
         statistics.own,
         (claim.unjudged(s.barrier.form, s.goal_radius_m) for claim in registry.OWN),

@@ -264,18 +264,6 @@ OF_THE_PAPERS_BARRIER = (
 )
 NOT_ITS_CLAIM = "not this filter's claim"
 
-
-def excused(declared: bool, flow: bool) -> frozenset[str]:
-    """Ids of the claims that a filter did not make: one with a barrier of its own, or the flow filter.
-
-    G6 of the first is measured; the flow filter has no rows of this kind at all.
-    """
-    if not (declared or flow):
-        return frozenset()
-    kept = {ROWS_SATISFIED.id} if flow else set()
-    return frozenset({claim.id for claim in OF_THE_PAPERS_BARRIER} - kept)
-
-
 EVERY = (*PREMISES, *RANGES, *GUARANTEES, *INTRUDERS, *LIVENESS, *FENCES, MANOEUVRE_KEEPS_DS, *OWN)
 CLAIMS = {claim.id: claim for claim in EVERY}
 # What a run can lose: intervention is reported, not judged.

@@ -156,6 +156,10 @@ def _plans(s: Scenario, b: Barrier, goal: Array) -> Filter:
     return rivals.plans_filter(s, b, lags(s))
 
 
+def _rival(s: Scenario, b: Barrier, goal: Array) -> Filter:
+    return rivals.rival(s, b, alpha(s), intruders(s))
+
+
 def _passthrough(s: Scenario, b: Barrier, goal: Array) -> Filter:
     return Passthrough()
 
@@ -165,6 +169,9 @@ FILTERS: dict[str, Callable[[Scenario, Barrier, Array], Filter]] = {
     "limited": _collision,
     "navigation": _navigation,
     "flow": _flow,
+    "collision-cone": _rival,
+    "optimal-decay": _rival,
+    "velocity-obstacles": _rival,
     "backup": _plans,
     "gatekeeper": _plans,
     "receding-horizon": _plans,

@@ -1,14 +1,17 @@
-"""Makes the rivals whose plans end in the evading manoeuvre: backup, gatekeeper, receding horizon."""
+"""Makes the rival filters that a scenario names."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from filters.barriers.class_k import OddPolynomial
 from filters.barriers.pairs import Barrier
+from filters.cbf.intruders import Intruders
 from filters.filter import Filter
 from filters.flow.channels import Lag
 from testbed.errors import UserError
-from testbed.scenario import control, fleet
+from testbed.scenario import fleet
+from testbed.scenario import rivals as kinds
 from testbed.scenario.scenario import Scenario
 
 
@@ -24,7 +27,7 @@ def plans_filter(s: Scenario, b: Barrier, lags: Sequence[Sequence[Lag]]) -> Filt
     from filters.rivals.receding_horizon import RecedingHorizonFilter
 
     said = s.filter
-    assert isinstance(said, control.Backup | control.Gatekeeper | control.RecedingHorizon)
+    assert isinstance(said, kinds.Backup | kinds.Gatekeeper | kinds.RecedingHorizon)
     for what, there in (("fences", bool(s.fence)), ("intruders", bool(fleet.intruders(s)))):
         if there:
             raise UserError(f"filter.kind: {said.kind!r} knows no {what}; 'centralised' and 'limited' do")
@@ -39,11 +42,46 @@ def plans_filter(s: Scenario, b: Barrier, lags: Sequence[Sequence[Lag]]) -> Filt
     try:
         model = Model(lags, gamma, s.d_safe_m, s.rates.filter_dt_s, said.margin_m, said.trust)
         match said:
-            case control.Backup():
+            case kinds.Backup():
                 return BackupFilter(model, said.blending, said.beta_per_m, said.alpha_per_s)
-            case control.Gatekeeper():
+            case kinds.Gatekeeper():
                 return GatekeeperFilter(model, said.horizon_s)
-            case control.RecedingHorizon():
+            case kinds.RecedingHorizon():
                 return RecedingHorizonFilter(model, said.blocks, said.block_s, said.later_weight, said.kappa)
     except ValueError as error:
         raise UserError(f"filter: {error}") from None
+
+
+def rival(s: Scenario, b: Barrier, alpha: OddPolynomial, intruders: Intruders | None) -> Filter:
+    """The rival filter of the scenario.
+
+    b          the barrier that the filter keeps, with the remedies' Ds
+    intruders  who is not under the filter; None without
+    Raises  UserError where the scenario has what the filter does not know.
+    """
+    if s.fence:
+        raise UserError(f"filter.kind: {s.filter.kind!r} knows no fences; 'centralised' and 'limited' do")
+    match s.filter:
+        case kinds.CollisionCone() as said:
+            from filters.rivals.collision_cone import CollisionConeFilter
+
+            response = said.speed_response_s, said.climb_response_s
+            return CollisionConeFilter(b.d_safe, said.decay_per_s, *response, said.range_m, said.cost)
+        case kinds.OptimalDecay() as said:
+            from filters.rivals.optimal_decay import OptimalDecayFilter
+
+            return OptimalDecayFilter(b, alpha, said.decay_weight, said.cost, intruders)
+        case kinds.VelocityObstacles() as said:
+            from filters.rivals.velocity_obstacles import VelocityObstacleFilter
+
+            passive = () if intruders is None else tuple(intruders.vehicles)
+            return VelocityObstacleFilter(
+                b.d_safe,
+                said.horizon_s,
+                said.response_s,
+                said.responsibility,
+                said.range_m,
+                said.space,
+                passive,
+            )
+    raise ValueError(f"filter {s.filter.kind!r} is no rival")

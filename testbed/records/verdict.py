@@ -43,8 +43,8 @@ class Verdict(Mapping[str, Any]):
 
     id        name of the claim, e.g. separation
     number    P1.. for a premise of the theorems, G1.. for a guarantee, O1.. for what a user's own filter
-              promises, M for a check by the theorem monitor
-    kind      which of the four; not a key of run files, where `number` tells it
+              promises, M for a check by the theorem monitor, F of the flow filter, R1.. of a rival
+    kind      which of these; not a key of run files, where `number` tells it
     claim     the claim in words
     source    where the paper makes it
     quantity  what `value` is, in words

@@ -9,7 +9,16 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 from testbed.scenario.fields import NonNegative, Positive, Section
 from testbed.scenario.installed import installed
 from testbed.scenario.kinds import INSTALLED, Kinds
-from testbed.scenario.rivals import Backup, Gatekeeper, RecedingHorizon
+from testbed.scenario.rivals import (
+    RIVALS,
+    TITLES,
+    Backup,
+    CollisionCone,
+    Gatekeeper,
+    OptimalDecay,
+    RecedingHorizon,
+    VelocityObstacles,
+)
 
 
 class _QP(Section):
@@ -86,9 +95,7 @@ FILTERS = Kinds(
         "limited": Limited,
         "navigation": NavigationFunction,
         "flow": Flow,
-        "backup": Backup,
-        "gatekeeper": Gatekeeper,
-        "receding-horizon": RecedingHorizon,
+        **RIVALS,
         "none": NoFilter,
     },
     {
@@ -96,9 +103,7 @@ FILTERS = Kinds(
         "limited": "the limited filter",
         "navigation": "the navigation function, which solves no QP",
         "flow": "the flow filter",
-        "backup": "the backup filter",
-        "gatekeeper": "the gatekeeper filter",
-        "receding-horizon": "the receding-horizon filter",
+        **TITLES,
         "none": "filter 'none', which solves no QP",
     },
     role="filter",
@@ -112,6 +117,9 @@ Filter = Annotated[
     | Annotated[Backup, Tag("backup")]
     | Annotated[Gatekeeper, Tag("gatekeeper")]
     | Annotated[RecedingHorizon, Tag("receding-horizon")]
+    | Annotated[CollisionCone, Tag("collision-cone")]
+    | Annotated[OptimalDecay, Tag("optimal-decay")]
+    | Annotated[VelocityObstacles, Tag("velocity-obstacles")]
     | Annotated[NoFilter, Tag("none")]
     | Annotated[InstalledFilter, Tag(INSTALLED)],
     Discriminator(FILTERS.tag),

@@ -141,7 +141,7 @@ RULES = (
     ),
     Rule(
         ("intruders.assume",),
-        lambda s: bool(fleet.intruders(s)) and _solves(s),
+        lambda s: bool(fleet.intruders(s)) and (_solves(s) or s.filter.kind == "optimal-decay"),
         "no QP is solved beside an intruder; filter = false in a [[vehicle]] table makes one",
     ),
     Rule(

@@ -7,11 +7,14 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from testbed.scenario.barrier import Barrier, Turn
-from testbed.scenario.control import MODELS_LAGS, Centralised, Filter, Limited
+from testbed.scenario.control import Centralised, Filter, Limited
 from testbed.scenario.fields import NonNegative, Positive, Section
+from testbed.scenario.rivals import REMEDIES
 
 # Remedies that change what the filter's barrier is built from, not its QPs.
 OF_THE_BARRIER = ("ds_buffer_m", "derate", "derate_speed", "smoothing_m2")
+# Those that a kind of filter takes, where it does not take all.
+TAKEN = {"none": (), "flow": (), "navigation": ("prediction_s",), **REMEDIES}
 Share = Annotated[float, Field(gt=0, le=1)]
 
 
@@ -67,9 +70,8 @@ class Remedy(Section):
     def check(self, filter_: Filter, barrier: Barrier) -> None:
         """Raises ValueError naming the first remedy that this filter or barrier cannot take."""
         for name in self.chosen:
-            if filter_.kind in ("none", *MODELS_LAGS) or (
-                filter_.kind == "navigation" and name != "prediction_s"
-            ):
+            taken = TAKEN.get(filter_.kind)
+            if taken is not None and name not in taken:
                 raise ValueError(f"remedy.{name}: filter '{filter_.kind}' cannot take it")
             if isinstance(filter_, Centralised | Limited) and filter_.monitor and name not in OF_THE_BARRIER:
                 raise ValueError(f"remedy.{name}: filter.monitor checks the paper's own QPs; set it to false")

@@ -1,4 +1,4 @@
-"""The [filter] tables of rivals whose plans end in the evading manoeuvre."""
+"""The [filter] tables of rival filters: how other authors' filters are set, with their kinds and titles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from testbed.scenario.fields import NonNegative, Positive, Section
+from testbed.scenario.fields import Divisor, NonNegative, Positive, Section
 
 
 class _Plans(Section):
@@ -63,3 +63,73 @@ class RecedingHorizon(_Plans):
     kappa: Annotated[float, Field(gt=0, lt=1)] = Field(
         default=0.5, description="share of the clearance of plans that one filter period may use up"
     )
+
+
+class CollisionCone(Section):
+    """Keeps relative velocities out of the cone of collision: see the guide, rivals.md."""
+
+    kind: Literal["collision-cone"]
+    decay_per_s: Positive = Field(default=1.0, description="gamma: hdot + gamma h >= 0 of the cone's h")
+    speed_response_s: Divisor = Field(
+        default=1.0, description="time in which a commanded change of speed is taken to be flown"
+    )
+    climb_response_s: Divisor = Field(default=1.0, description="and one of climb rate")
+    range_m: NonNegative = Field(default=150.0, description="vehicles further away have no row")
+    cost: Literal["range", "raw"] = Field(
+        default="range", description="range divides what each channel is changed by through its range"
+    )
+
+
+class OptimalDecay(Section):
+    """The centralised QP in which the decay rate of every row is a decision variable: see rivals.md."""
+
+    kind: Literal["optimal-decay"]
+    decay_weight: Divisor = Field(
+        default=1.0, description="p: the cost has p (w - 1)^2 of every row's decay factor w"
+    )
+    cost: Literal["range", "raw"] = Field(default="raw", description="of the inputs, as of 'centralised'")
+
+
+class VelocityObstacles(Section):
+    """Reciprocal velocity obstacles (ORCA) with turn limits: see the guide, rivals.md."""
+
+    kind: Literal["velocity-obstacles"]
+    horizon_s: Divisor = Field(default=10.0, description="tau: velocities that collide within it are avoided")
+    response_s: Divisor = Field(default=1.0, description="time in which the chosen velocity is to be flown")
+    responsibility: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.5, description="share of the needed change of velocity that each vehicle takes"
+    )
+    range_m: NonNegative = Field(default=300.0, description="vehicles further away are not seen")
+    space: Literal["level", "full"] = Field(
+        default="level", description="level: others are discs at one height; full: they are spheres"
+    )
+
+
+RIVALS: dict[str, type[Section]] = {
+    "backup": Backup,
+    "gatekeeper": Gatekeeper,
+    "receding-horizon": RecedingHorizon,
+    "collision-cone": CollisionCone,
+    "optimal-decay": OptimalDecay,
+    "velocity-obstacles": VelocityObstacles,
+}
+TITLES = {
+    "backup": "the backup filter",
+    "gatekeeper": "the gatekeeper filter",
+    "receding-horizon": "the receding-horizon filter",
+    "collision-cone": "the collision-cone filter",
+    "optimal-decay": "the optimal-decay filter",
+    "velocity-obstacles": "the velocity-obstacle filter",
+}
+# The remedies that each takes: those of the barrier it is built from, and those around any filter.
+REMEDIES: dict[str, tuple[str, ...]] = {
+    "backup": (),
+    "gatekeeper": (),
+    "receding-horizon": (),
+    "collision-cone": ("ds_buffer_m", "prediction_s"),
+    "optimal-decay": (
+        *("ds_buffer_m", "derate", "derate_speed", "smoothing_m2"),
+        *("prediction_s", "predict_lags", "air_mass"),
+    ),
+    "velocity-obstacles": ("ds_buffer_m", "prediction_s"),
+}

@@ -11,7 +11,7 @@ from aircraft.airframes.schema import Airframe
 from aircraft.replay import Replay
 from filters.filter import declaration
 from filters.model import Array, State
-from testbed.claims import guarantees, judging, manoeuvre, own_filter, registry
+from testbed.claims import guarantees, judging, manoeuvre, own_filter, promises, registry
 from testbed.claims.fences import fence_claims
 from testbed.claims.flyable import unflyable
 from testbed.claims.monitored import monitored
@@ -32,7 +32,6 @@ from testbed.records.run import Run
 from testbed.records.store import SCHEMA_VERSION
 from testbed.records.verdict import Verdict
 from testbed.scenario import guidance_rules
-from testbed.scenario.control import MODELS_LAGS
 from testbed.scenario.scenario import Scenario
 from testbed.simulation.assembly import Assembled, Setting
 from testbed.simulation.leaving import Leaving
@@ -77,8 +76,8 @@ def judge(
     if made and isinstance(made.filter, OwnFilter) and made.filter.declared:
         manifest["declared"] = made.filter.declared
         verdicts = own_filter.judged_by_its_own(verdicts, s, statistics, setting.i, setting.j, end)
-    elif s.filter.kind in MODELS_LAGS and "filter" not in own:
-        verdicts = own_filter.excused(verdicts, registry.excused(declared=False, flow=True))
+    elif "filter" not in own:
+        verdicts = own_filter.excused(verdicts, promises.excused(declared=False, kind=s.filter.kind))
     if left is not None:
         manifest["left_s"] = left.summary()
     if statistics.tracks is not None:

@@ -16,6 +16,7 @@ from testbed.claims.monitored import MONITORED, OF_KINDS
 from testbed.errors import UserError
 from testbed.verification import departed, fleet
 from testbed.verification.columns import columns, ending
+from testbed.verification.cone_claims import cone_claims
 from testbed.verification.coverage import Uncovered, uncovered
 from testbed.verification.fence_claims import Fenced, without_fences
 from testbed.verification.filter_claims import filtering
@@ -98,6 +99,7 @@ def _findings(run: Recorded) -> Iterator[Finding]:
     yield from sorted(judged, key=_place)
     yield from monitored(rows)
     yield from flow_claims(rows)
+    yield from cone_claims(rows)
 
 
 def _place(finding: Finding) -> int:

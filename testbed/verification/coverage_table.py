@@ -211,6 +211,11 @@ def _reports_h(run: Recorded) -> bool:
 
 
 _LABEL = _no("a label")
+# Settings of rival filters.
+OF_RIVALS = (
+    *("decay_per_s", "speed_response_s", "climb_response_s", "decay_weight"),
+    *("horizon_s", "response_s", "responsibility", "space"),
+)
 # By field, or by table ("wind.").
 _PLANS = "what vehicles committed to is not recorded"
 SCENARIO = {
@@ -241,6 +246,8 @@ SCENARIO = {
     "filter.margin_m": _by("F1 monitor-flow_clear", otherwise=_PLANS),
     "filter.trust": _by("F1 monitor-flow_clear", otherwise=_PLANS),
     "filter.kappa": _by("F2 monitor-flow_step", otherwise=_PLANS),
+    "filter.range_m": _no("whom a rival looked at is not recorded"),
+    **{f"filter.{name}": _no("the QPs of rivals are not solved again") for name in OF_RIVALS},
     "filter.": replace(_ROWS, needs=_altered),
     "barrier.gradient": _FILTER,
     "barrier.gradient_step": _FILTER,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.claims import registry
+from testbed.claims import promises, registry
 from testbed.records.verdict import Status
 from testbed.verification import fleet
 from testbed.verification.fence_claims import Fenced
@@ -57,7 +57,7 @@ def _feasibility(rows: Rows, judge: Judge, fenced: Fenced | None) -> Finding:
     run, e = rows.run, judge.entry
     if "filter" in run.parts:
         return _own_filter(judge, 0.0, -1)
-    if not rows.solves:
+    if not (rows.solves or rows.s["filter"]["kind"] in promises.ALWAYS_SOLVING):
         return judge.nothing("no QP")
     status = run.vehicles["qp_status"]
     failed = np.isin(status, FAILED)

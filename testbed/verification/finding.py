@@ -8,13 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from testbed.claims import registry
+from testbed.claims import promises, registry
 from testbed.records.verdict import Kind, Status
 from testbed.verification.recorded import Array, Recorded
 
-# Filters whose claims are of a model of their own, and those of them that solve QPs.
-OWN_MODEL = ("flow", "backup", "gatekeeper", "receding-horizon")
-PLANNING = ("flow", "receding-horizon")
 
 Entry = dict[str, Any]
 Rule = Callable[[float], bool]
@@ -144,8 +141,8 @@ class Judge:
     @property
     def excused(self) -> bool:
         """Whether the claim rests on the scenario's barrier, and the filter has one of its own."""
-        flow = self.run.scenario["filter"]["kind"] in OWN_MODEL and "filter" not in self.run.parts
-        return self.entry["id"] in registry.excused(bool(self.run.declared), flow)
+        kind = "" if "filter" in self.run.parts else self.run.scenario["filter"]["kind"]
+        return self.entry["id"] in promises.excused(bool(self.run.declared), kind)
 
     @property
     def _is_premise(self) -> bool:

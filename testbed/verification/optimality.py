@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from testbed.verification import fleet
-from testbed.verification.finding import OWN_MODEL, Finding
+from testbed.verification.finding import Finding
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
 from testbed.verification.settings import alpha, box
@@ -20,6 +20,17 @@ LOOKED = 2000
 # A change that is the filter's doing; how near a solution is known, largest seen 2e-11 [m/s, rad/s].
 OVERRIDE, SOLVED_TO = 1e-6, 1e-6
 FLOW = "the flow of the model is not computed again"
+# filter.kind -> why its choice is not computed again.
+ANEW = {
+    "navigation": "the navigation function is not computed again",
+    "flow": "the flow of the model is not computed again",
+    **dict.fromkeys(
+        ("backup", "gatekeeper", "receding-horizon"), "the flow of the model is not computed again"
+    ),
+    "collision-cone": "the collision cones' QPs are not solved again",
+    "optimal-decay": "the QPs with decay factors are not solved again",
+    "velocity-obstacles": "the velocity obstacles are not computed again",
+}
 # Slack of a row divided by its norm below which it is touched [m/s].
 TOUCHED = 1e-6
 
@@ -33,8 +44,7 @@ def minimal(rows: Rows) -> Finding:
     said = f"{int((change > OVERRIDE).sum())} altered"
     if "filter" in run.parts:
         return Finding("minimal", said, "unknown", None, None, "the filter was not the scenario's")
-    if (kind := s["filter"]["kind"]) in ("navigation", *OWN_MODEL):
-        why = "the navigation function is not computed again" if kind == "navigation" else FLOW
+    if why := ANEW.get(s["filter"]["kind"]):
         return Finding("minimal", said, "unknown", None, None, why)
     altered = change > OVERRIDE
     if not rows.solves or not (run.i.size or run.fences):

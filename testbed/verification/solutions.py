@@ -6,14 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from testbed.claims import promises
 from testbed.verification import fleet
 from testbed.verification.filter_claims import FAILED, ROW_ALLOWED
-from testbed.verification.finding import PLANNING, Finding
+from testbed.verification.finding import Finding
 from testbed.verification.future import manoeuvre
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
 from testbed.verification.settings import alpha, box, filters_own, margin
 
+# Kinds of filters whose vehicles fly the evading manoeuvre where their QP has no solution.
+EVADING = (*promises.ALWAYS_SOLVING, "flow")
 # Of many QPs without a solution, so many are looked into.
 LOOKED = 100
 
@@ -36,20 +39,15 @@ def _statuses(rows: Rows) -> Finding:
     """Every QP has a known status; vehicles whose QP had no solution flew the evading manoeuvre."""
     run, s = rows.run, filters_own(rows.s)
     status = run.vehicles["qp_status"]
-    known = ["solved", *FAILED] if rows.solves or s["filter"]["kind"] in PLANNING else ["none"]
+    kind = s["filter"]["kind"]
+    solving = rows.solves or kind in (*promises.ALWAYS_SOLVING, *promises.SOLVING_AT_BEST)
+    known = ["solved", *FAILED] if solving else ["none"]
     known += ["none"] if "filter" in run.parts else []
     odd = int((~np.isin(status, known) & run.present)[:, fleet.under(s)].sum())
     odd += int(((status != "none") & ~run.present).sum())
     failed, lost = np.isin(status, FAILED), 0
-    # A rival without a solution flies on along its plan, which is not recorded.
-    plans = s["filter"]["kind"] == "receding-horizon"
-    if (
-        failed.any()
-        and not plans
-        and not s["barrier"].get("pairs")
-        and not run.parts
-        and not s["remedy"]["air_mass"]
-    ):
+    evading = kind in EVADING and not (s["barrier"].get("pairs") or run.parts or s["remedy"]["air_mass"])
+    if failed.any() and evading:
         gamma = np.clip(manoeuvre(s), *box(s))
         lost = int((failed & (np.abs(run.command - gamma).max(axis=-1) > 1e-9)).sum())
     words = [f"{odd} are not {' or '.join(known)}"] if odd else []
