@@ -12,7 +12,6 @@ from testbed.claims import promises, registry
 from testbed.records.verdict import Kind, Status
 from testbed.verification.recorded import Array, Recorded
 
-
 Entry = dict[str, Any]
 Rule = Callable[[float], bool]
 
