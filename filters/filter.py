@@ -83,7 +83,9 @@ class Check:
 
         if below.size and self.first is None:
             self.first = at(int(below[0]))
-        r = int(np.nanargmin(numbers)) if not np.isnan(numbers).all() else 0
+        r = int(numbers.argmin())  # of the first that is no number, if there is one
+        if np.isnan(numbers[r]) and not np.isnan(numbers).all():
+            r = int(np.nanargmin(numbers))
         if numbers[r] < self.worst:
             self.worst, self.worst_at = float(numbers[r]), at(r)
 

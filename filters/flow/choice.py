@@ -143,17 +143,20 @@ def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array, some: Indices
     box = wanted.target / scale, wanted.lower / scale, wanted.upper / scale
     evading, u = wanted.gamma / scale, wanted.clipped
     kept = np.zeros(some.size, dtype=bool)
-    now: Indices = np.arange(some.size)  # rows of vehicles that are not at rest yet
+    # Rows of vehicles that are not at rest yet: their places, vehicles, groups, slopes and levels.
+    now, mine, who, along, need = np.arange(some.size), vehicle, group, slope, level
     for _ in range(_ROUNDS):
-        mine = vehicle[now]
-        short = level[now] - dot(taken(slope, now), taken(u, mine))
-        new = _worst(group[now], short, (short > _CHANGED) & ~kept[now])
+        short = need - dot(along, taken(u, mine))
+        new = _worst(who, short, (short > _CHANGED) & ~kept[now])
         if not new.size:
             break
         kept[now[new]] = True
         changed = np.zeros(len(u), dtype=bool)
         changed[mine[new]] = True
-        now = now[changed[mine]]
+        still = np.flatnonzero(changed[mine])
+        if still.size < now.size:
+            now, mine, who, need = (x.take(still) for x in (now, mine, who, need))
+            along = taken(along, still)
         use = now[kept[now]]
         found, _ = solve_each(
             box[0], vehicle[use], taken(scaled, use), level[use], box[1], box[2], fallback=evading
@@ -169,9 +172,14 @@ def _worst(group: Indices, short: Array, broken: NDArray[np.bool_]) -> Indices:
     if not rows.size:
         return rows
     group, short = group[rows], short[rows]
-    first = np.flatnonzero(np.concatenate([[True], group[1:] != group[:-1]]))
-    most = np.maximum.reduceat(short, first)
-    count = np.diff(first, append=rows.size)
-    equal = np.flatnonzero(short == np.repeat(most, count))
-    once = np.concatenate([[True], group[equal][1:] != group[equal][:-1]])
-    return np.asarray(rows[equal[once]])
+    begins = _begins(group)
+    most = np.maximum.reduceat(short, np.flatnonzero(begins))
+    equal = np.flatnonzero(short == most[np.cumsum(begins) - 1])
+    return np.asarray(rows[equal[_begins(group[equal])]])
+
+
+def _begins(group: Indices) -> NDArray[np.bool_]:
+    """Where (R,) another group begins."""
+    found = np.ones(group.size, dtype=bool)
+    np.not_equal(group[1:], group[:-1], out=found[1:])
+    return found

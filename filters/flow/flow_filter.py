@@ -143,10 +143,11 @@ class FlowFilter:
         self._clear = clear
         self._note(clear, ending)
         self._belief.told(u)
-        short = np.fmax(-np.fmin(np.fmin.reduce(clear, axis=0), np.fmin.reduce(clear, axis=1)), 0.0)
-        outside = np.nan_to_num(short) > 0
-        status = np.where(outside & (ending == Ending.EVADING), int(Status.INFEASIBLE), int(Status.SOLVED))
-        return Problem(target, lower, upper).decision(u, status, np.nan_to_num(short), None, np.zeros(0))
+        nearest = np.fmin(np.fmin.reduce(clear, axis=0), np.fmin.reduce(clear, axis=1))
+        short = np.fmax(-nearest, 0.0)
+        status = np.full(n, int(Status.SOLVED))
+        status[(short > 0) & (ending == Ending.EVADING)] = int(Status.INFEASIBLE)
+        return Problem(target, lower, upper).decision(u, status, short, None, np.zeros(0))
 
     def _choose(
         self, posed: Posed, wanted: Wanted, covered: Array, moved: Array

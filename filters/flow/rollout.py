@@ -170,9 +170,9 @@ class Flow:
     def covered(self, begun: Begun, u: Array) -> Array:
         """Integrals (..., N, 3, M) of the channels when u (..., N, 3) is commanded, then gamma."""
         channels, grid = begun.channels, begun.grid
-        told = channels.towards(np.broadcast_to(begun.rates, u.shape), u)
+        told = channels.towards(begun.rates, u)
         two = told.integral(grid.heard)
-        evading = channels.towards(told.value(self.dt), np.broadcast_to(begun.gamma, u.shape))
+        evading = channels.towards(told.value(self.dt), begun.gamma)
         covered = evading.integral(grid.evading, grid.decay)
         covered += begun.covered
         covered += grid.within * two[..., :1]

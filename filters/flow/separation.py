@@ -96,7 +96,7 @@ def samples(gamma: Paths, i: Indices, j: Indices, kept: Kept, reach: Reach) -> S
     distance = np.sqrt(level.real**2 + level.imag**2 + height**2)
     least = whole.copy()
     if early:  # samples of one pair stand together
-        first = np.flatnonzero(np.concatenate([[True], pair[1:] != pair[:-1]]))
+        first = np.flatnonzero(np.diff(pair, prepend=-1))
         found = pair[first]
         least[found] = np.minimum(least[found], np.minimum.reduceat(distance[:early], first))
     scale = 1.0 / np.maximum(distance, 1e-9)
@@ -128,7 +128,7 @@ def _looked_at(gamma: Paths, i: Indices, j: Indices, near: Array, whole: Array) 
     start = np.arange(0, instants, _BLOCK)
     middle = np.minimum(start + _BLOCK // 2, instants - 1)
     flown = np.zeros(gamma.z.shape)
-    step, climb = np.diff(gamma.at, axis=-1), np.diff(gamma.z, axis=-1)
+    step, climb = gamma.at[:, 1:] - gamma.at[:, :-1], gamma.z[:, 1:] - gamma.z[:, :-1]
     flown[:, 1:] = np.cumsum(np.sqrt(step.real**2 + step.imag**2 + climb**2), axis=-1)
     end = np.minimum(start + _BLOCK, instants) - 1
     # No instant of the block is more than this way from the middle one.
