@@ -144,7 +144,8 @@ def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array, some: Indices
     evading, u = wanted.gamma / scale, wanted.clipped
     kept = np.zeros(some.size, dtype=bool)
     # Rows of vehicles that are not at rest yet: their places, vehicles, groups, slopes and levels.
-    now, mine, who, along, need = np.arange(some.size), vehicle, group, slope, level
+    now: Indices = np.arange(some.size)
+    mine, who, along, need = vehicle, group, slope, level
     for _ in range(_ROUNDS):
         short = need - dot(along, taken(u, mine))
         new = _worst(who, short, (short > _CHANGED) & ~kept[now])
@@ -155,8 +156,8 @@ def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array, some: Indices
         changed[mine[new]] = True
         still = np.flatnonzero(changed[mine])
         if still.size < now.size:
-            now, mine, who, need = (x.take(still) for x in (now, mine, who, need))
-            along = taken(along, still)
+            now, mine, who = now.take(still), mine.take(still), who.take(still)
+            need, along = need.take(still), taken(along, still)
         use = now[kept[now]]
         found, _ = solve_each(
             box[0], vehicle[use], taken(scaled, use), level[use], box[1], box[2], fallback=evading

@@ -25,7 +25,8 @@ from filters.constraints import Indices
 from filters.filter import Check, Decision, Declaration, MonitorRecord
 from filters.flow.flow_filter import flow_checks
 from filters.flow.phases import Phases
-from filters.flow.rollout import Begun, Paths, furthest
+from filters.flow.reach import furthest
+from filters.flow.rollout import Begun, Paths
 from filters.flow.separation import Kept, rows, samples
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from filters.constraints import Indices
-from filters.flow.rollout import Begun, Flow, Paths, Reach
+from filters.flow.reach import Reach
+from filters.flow.rollout import Begun, Flow, Paths
 from filters.flow.separation import Rows
 from filters.model import Array
 from filters.qp import single

@@ -26,7 +26,8 @@ import numpy as np
 from filters.cbf.problem import Problem, input_set
 from filters.constraints import Indices
 from filters.filter import Decision, Declaration, MonitorRecord
-from filters.flow.rollout import Begun, Paths, furthest
+from filters.flow.reach import furthest
+from filters.flow.rollout import Begun, Paths
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 from filters.rivals.gatekeeper import CLEAR_TO_M, plan_checks
