@@ -40,6 +40,7 @@ test-lowest: $(LOWEST)/.installed
 soak: $(VENV)/.installed
 	TESTBED_FUZZ=20 $(BIN)/python -m pytest --quiet -n auto --durations=0 tests/test_fuzz_scenario.py \
 	    tests/test_fuzz_files.py tests/test_fuzz_cli.py tests/test_fuzz_parts.py tests/test_faults_around.py
+	TESTBED_SOAK=1 $(BIN)/python -m pytest --quiet tests/test_guide.py -k every_command
 	$(BIN)/python -m pytest --quiet -s -m soak tests/soak tests/test_verification_coverage.py
 
 # Some hours on one core, resumable: is every change of filters/ and of the verdicts noticed by a test? Prints a

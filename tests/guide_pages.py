@@ -6,6 +6,7 @@ which docs/ is the project's; python blocks too. What stands in a comment above 
 <!-- test: --seeds 1 --set duration_s=1 -->  add these options to each command of the block that knows them
 <!-- test: exit 1 -->                        the block's commands end with this code, not 0
 <!-- test: skip, REASON -->                  do not run the block
+<!-- test: soak, REASON -->                  run the block in `make soak` only
 <!-- file: NAME -->                          the block is that file of the guide, word for word; if there is
                                              none, it is written to the folder under that name
 <!-- output -->                              the block's lines are among what the commands above it printed
@@ -105,6 +106,8 @@ class Reader:
                 assert not missing, f"{self.page.name}:{block.line} shows what was not printed: {missing}"
             elif block.test.startswith("skip"):
                 assert block.test.removeprefix("skip").strip(", "), f"{self.page.name}:{block.line}: why?"
+            elif block.test.startswith("soak") and "TESTBED_SOAK" not in os.environ:
+                assert block.test.removeprefix("soak").strip(", "), f"{self.page.name}:{block.line}: why?"
             elif block.language == "python":
                 exec(compile(block.text, f"{self.page.name}:{block.line}", "exec"), names)
                 ran += 1
@@ -142,7 +145,8 @@ class Reader:
             code = subprocess.run(["bash", "-c", line], env=os.environ | {"PATH": path}).returncode
             assert code == wanted, where
         elif words[0] == "testbed":
-            added = [] if asked else known(words[1:], shlex.split(block.test))
+            whole = asked or block.test.startswith("soak")
+            added = [] if whole else known(words[1:], shlex.split(block.test))
             assert self.call(*words[1:], *added) == wanted, where
         elif words[0] == "python":
             self._python(words[1:])
