@@ -133,7 +133,7 @@ def folders(tmp_path: Path) -> Iterator[Path]:
         yield Path(run(load("paper-2-turn", [*short, *more]), tmp_path / f"{k}").path or "")
 
 
-def test_the_table_has_every_field_of_every_run_and_names_only_findings_that_there_are(
+def test_the_table_has_every_field_of_runs_and_names_only_findings_that_there_are(
     tmp_path: Path,
 ) -> None:
     """A name in the table that no verification ever reports would cover nothing."""
