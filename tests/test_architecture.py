@@ -76,7 +76,12 @@ HOMES = {
     "markupsafe": ["testbed/report/"],
     "matplotlib": ["testbed/report/", "testbed/studies/"],
     "pyarrow": ["testbed/records/", "testbed/campaigns/tables.py", "testbed/verification/recorded.py"],
-    "pydantic": ["aircraft/airframes/", "testbed/scenario/", "testbed/campaigns/file.py"],
+    "pydantic": [
+        "aircraft/airframes/",
+        "testbed/scenario/",
+        "testbed/campaigns/file.py",
+        "testbed/studies/benchmark/file.py",
+    ],
     "pytest": ["testbed/regression/plugin.py"],
     "typer": ["testbed/cli/"],
 }

@@ -11,6 +11,7 @@ from testbed.cli import (
     adopt,
     aircraft_log,
     answer,
+    benchmark,
     campaign,
     compare,
     encounters,
@@ -100,6 +101,7 @@ _add("report", cli_report.report, cli_report.EXAMPLE, "Write one HTML page of wh
 _add("export", export.export, export.EXAMPLE, "Convert a run for Tacview, or to CSV.")
 _add("ledger", ledger.ledger, ledger.EXAMPLE, "Compare predicted and realised hdot of a run.")
 app.add_typer(encounters.app, name="encounters")
+_add("benchmark", benchmark.benchmark, benchmark.EXAMPLES, "Compare filters in sets of encounters.")
 app.add_typer(regress.app, name="regress")
 app.add_typer(campaign.app, name="campaign")
 _add("falsify", falsify.falsify, falsify.EXAMPLES, "Search for a violation, and shrink it.")

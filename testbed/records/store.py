@@ -49,6 +49,7 @@ MARKS = (
     "export.json",
     "falsify.json",
     "encounters.json",
+    "benchmark.json",
 )
 
 

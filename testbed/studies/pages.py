@@ -12,6 +12,7 @@ KINDS = (
     Kind("answer.json", "testbed.studies.answer.page:part"),
     Kind("tune.json", "testbed.studies.tuning.page:part"),
     Kind("figures.json", "testbed.studies.paper.page:part"),
+    Kind("benchmark.json", "testbed.studies.benchmark.page:part"),
     Kind("falsify.json", "testbed.studies.falsify.page:part"),
     Kind("export.json", "testbed.export.page:part"),
 )

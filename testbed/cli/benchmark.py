@@ -1,0 +1,43 @@
+"""`testbed benchmark`: flies filters on plants in sets of encounters and compares them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from testbed.cli.common import JsonOption, WorkersOption, show_study
+from testbed.errors import UserError
+
+EXAMPLES = (
+    "Examples: testbed benchmark field --n 2 --out runs/trial;"
+    " testbed benchmark mine.toml --out runs/mine --minutes 15"
+)
+
+
+def benchmark(
+    file: Annotated[str, typer.Argument(help="a benchmark that comes with the package, or a TOML file")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="folder to write, or to go on in; default runs/NAME")
+    ] = None,
+    n: Annotated[int | None, typer.Option("--n", help="encounters of each set at most, for a trial")] = None,
+    minutes: Annotated[
+        float | None, typer.Option("--minutes", help="stop after so long; the same command goes on")
+    ] = None,
+    workers: WorkersOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly every filter on every plant in every set of encounters, and tabulate loss, intervention and cost.
+
+    All filters fly the same encounters. Interrupted, the same command goes on. No ranking is claimed that
+    exact paired tests, counted together, do not carry.
+    """
+    from testbed.studies.benchmark.study import benchmark as fly
+
+    if n is not None and n < 1:
+        raise UserError(f"--n {n}: give at least 1")
+    if minutes is not None and not minutes > 0:
+        raise UserError(f"--minutes {minutes:g}: give more than 0")
+    where = out or Path("runs") / Path(file).stem
+    show_study(fly(file, where, workers, n, minutes), as_json)

@@ -1,0 +1,1 @@
+"""The benchmark: filters on plants in sets of encounters, all from the same starts."""

@@ -1,0 +1,147 @@
+"""Flies a benchmark into its folder, and writes what it found there.
+
+benchmark.json  the benchmark, its cells, comparisons, worst encounters and provenance
+journal.jsonl   a line per finished run
+runs.csv        a row per run
+cells.csv       a row per set, plant and filter
+cost.json       ms per step: the only numbers that depend on the machine
+loss.*          the figure
+worst/          run folders and scenario files of the worst encounters
+report.html     the page
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from testbed.campaigns.folder import locked
+from testbed.campaigns.journal import Journal
+from testbed.components.versions import versions
+from testbed.errors import UserError
+from testbed.records.checksums import plain
+from testbed.records.store import write_json
+from testbed.report.page import attach
+from testbed.studies.benchmark import cost, figures, table, worst
+from testbed.studies.benchmark.benchmark import Plan, fly_all, plan, rows
+from testbed.studies.benchmark.file import load, shortened
+from testbed.studies.common.found import Found
+
+MARK, JOURNAL = "benchmark.json", "journal.jsonl"
+
+
+def benchmark(
+    source: str, out: Path, workers: int | None = None, n: int | None = None, minutes: float | None = None
+) -> Found:
+    """Fly a benchmark, or go on with it; write tables, figure and page once all is flown.
+
+    n        encounters of each set at most; None: as the file says
+    minutes  after which no more is flown in this call; None: to the end
+    Raises   UserError for a mistake in the file, or a folder that holds something else
+    """
+    b, folder = load(source)
+    made = plan(shortened(b, n) if n is not None else b, folder)
+    _check(out, b.name)
+    out.mkdir(parents=True, exist_ok=True)
+    with locked(out):
+        journal = Journal(out / JOURNAL)
+        done = fly_all(made, journal, workers, minutes)
+        return _written(made, journal, out, done)
+
+
+def _check(out: Path, name: str) -> None:
+    """UserError if the folder holds anything but this benchmark."""
+    if not out.exists() or not any(out.iterdir()):
+        return
+    if not (out / JOURNAL).is_file():
+        raise UserError(f"{out} holds no benchmark (no {JOURNAL}); give another --out")
+    if (out / MARK).is_file():
+        theirs = json.loads((out / MARK).read_text(encoding="utf-8"))["benchmark"]["name"]
+        if theirs != name:
+            raise UserError(f"{out} belongs to the benchmark {theirs!r}; give another --out")
+
+
+def _written(made: Plan, journal: Journal, out: Path, done: bool) -> Found:
+    import pandas as pd
+
+    b, flown = made.benchmark, rows(made, journal)
+    vehicles = {name: len(of[0].data["vehicle"]) for name, of in made.sets.items()}
+    total = sum(len(of) for of in made.sets.values()) * len(b.plants) * len(b.filters)
+    if not flown:
+        raise UserError(f"{out}: no run ended in the time given; give more --minutes")
+    found = table.cells(flown)
+    pooled = table.pooled(flown, vehicles)
+    compared = table.comparisons(flown, vehicles, b.without)
+    shown = worst.worst(made, flown) if done else []
+    if done:
+        worst.fly(made, shown, out)
+        cost.costs(made, out)
+    data = {
+        "benchmark": b.model_dump(mode="json"),
+        "complete": done,
+        "runs": len(flown),
+        "of": total,
+        "vehicles": vehicles,
+        "sources": {name: of[0].data["description"] for name, of in made.sets.items()},
+        "cells": found,
+        "pooled": pooled,
+        "comparisons": [_compared(c) for c in compared],
+        "worst": shown,
+        "code": made.code,
+        "versions": versions(),
+        "airframes": made.airframes,
+    }
+    pd.DataFrame(flown).to_csv(out / "runs.csv", index=False)
+    pd.DataFrame(found).to_csv(out / "cells.csv", index=False)
+    figures.loss(pooled, out)
+    write_json(out / MARK, plain(data))
+    if done:
+        from testbed.studies.benchmark.page import part
+
+        attach(out, out.name, part)
+    return Found(out, f"{b.name}: {len(flown)} of {total} runs", _printed(pooled), _lines(data, out), data)
+
+
+def _compared(c: table.Comparison) -> dict[str, Any]:
+    pair = c.pair
+    return {
+        "fleet": c.fleet,
+        "plant": c.plant,
+        "first": c.first,
+        "second": c.second,
+        "encounters": pair.runs,
+        "only_first": pair.only_first,
+        "only_second": pair.only_second,
+        "p_value": pair.p_value,
+        "sure": c.sure,
+    }
+
+
+def _printed(pooled: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    return [
+        {
+            "fleet": r["set"],
+            "plant": r["plant"],
+            "filter": r["filter"],
+            "lost": f"{r['lost']}/{r['runs']}",
+            "95 % interval": f"{100 * r['low']:.1f}-{100 * r['high']:.1f} %",
+            "altered": f"{100 * r['overridden']:.0f} %",
+            "all arrived": f"{r['arrived']}/{r['runs']}",
+        }
+        for r in pooled
+    ]
+
+
+def _lines(data: Mapping[str, Any], out: Path) -> list[str]:
+    sure = [c for c in data["comparisons"] if c["sure"]]
+    lines = [
+        f"{len(sure)} of {len(data['comparisons'])} comparisons of two filters are sure"
+        " (exact paired tests, 5 % for all together)"
+    ]
+    if not data["complete"]:
+        lines.append(f"{data['runs']} of {data['of']} runs are flown; the same command goes on")
+        print(lines[-1], file=sys.stderr)
+    return lines
