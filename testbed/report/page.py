@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from testbed.errors import UserError
 from testbed.records.store import MARKS, staged
@@ -28,7 +29,11 @@ def write(folders: Sequence[Path], out: Path, kinds: Sequence[Kind] = ()) -> Pat
     kinds   of folders, beside those of this package
     Raises  UserError if a folder is of no kind or damaged, or `out` cannot be written
     """
-    text = page([part(folder, folder.resolve().name, kinds) for folder in folders])
+    return written(out, page([part(folder, folder.resolve().name, kinds) for folder in folders]))
+
+
+def written(out: Path, text: str) -> Path:
+    """Write the file `out`, replaced at once. Raises UserError if it cannot be written."""
     partial = out.with_name(f".{out.name}.partial")
     try:
         partial.write_text(text, encoding="utf-8")
@@ -78,27 +83,39 @@ def part(folder: Path, name: str, kinds: Sequence[Kind] = ()) -> Part:
 
 def page(parts: Sequence[Part]) -> str:
     """The page; equal parts give equal text."""
+    playing = any(block.kind == "playback" for p in parts for s in p.sections for block in s.blocks)
+    script = _script() if playing else ""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    sheets = ["vendor/uplot/uPlot.min.css"] if playing else []
+    return rendered(
+        "report.html",
+        [*sheets, "templates/report.css"],
+        title=" and ".join(p.title for p in parts),
+        parts=parts,
+        script=markup(script),
+        # Only our own script may run, and nothing may be fetched, whatever a scenario's text says.
+        policy=f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'",
+    )
+
+
+def rendered(name: str, sheets: Sequence[str], **values: Any) -> str:
+    """A template of this package with `values`; `sheets` are its style sheets."""
     from jinja2 import Environment, PackageLoader
-    from markupsafe import Markup
 
     environment = Environment(
         loader=PackageLoader("testbed.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters.update(cell=cell, own_ids=embed.own_ids)
     environment.globals["signs"] = SIGNS
-    playing = any(block.kind == "playback" for p in parts for s in p.sections for block in s.blocks)
-    script = _script() if playing else ""
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return environment.get_template("report.html").render(
-        title=" and ".join(p.title for p in parts),
-        parts=parts,
-        style=Markup(
-            (_read("vendor/uplot/uPlot.min.css") if playing else "") + _read("templates/report.css")
-        ),
-        script=Markup(script),
-        # Only our own script may run, and nothing may be fetched, whatever a scenario's text says.
-        policy=f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'",
-    )
+    style = markup("".join(_read(sheet) for sheet in sheets))
+    return environment.get_template(name).render(style=style, **values)
+
+
+def markup(text: str) -> Any:
+    """Text that a template takes as it is."""
+    from markupsafe import Markup
+
+    return Markup(text)
 
 
 def _script() -> str:

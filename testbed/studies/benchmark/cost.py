@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,3 +72,13 @@ def costs(made: Plan, folder: Path) -> list[dict[str, Any]]:
                 rows.append({"filter": name, "vehicles": s.vehicles} | measure(flight.scenario()))
                 write_json(file, found)
     return rows
+
+
+def beside(rows: Sequence[Mapping[str, Any]], first: str) -> list[dict[str, Any]]:
+    """The rows with `times`, how many times as long a step takes as that of the filter `first`, or None."""
+    of = {(r["filter"], r["vehicles"]): r.get("median_ms") for r in rows}
+    found = []
+    for r in rows:
+        mine, theirs = r.get("median_ms"), of.get((first, r["vehicles"]))
+        found.append({**r, "times": mine / theirs if mine and theirs else None})
+    return found

@@ -14,7 +14,7 @@ MARKERS = "osD^vPX<>*hp"
 
 
 def loss(pooled: Sequence[Mapping[str, Any]], folder: Path, name: str = "loss") -> list[Path]:
-    """Runs lost [%] over steps altered [%], with 95 % intervals of both.
+    """Runs lost [%] over time in which commands are altered [%], with 95 % intervals of both.
 
     pooled  rows as `table.pooled` gives them
     """
@@ -30,9 +30,9 @@ def loss(pooled: Sequence[Mapping[str, Any]], folder: Path, name: str = "loss") 
                 continue
             k = filters.index(r["filter"])
             axes = grid[fleets.index(r["set"]), plants.index(r["plant"])]
-            x, y = 100 * r["overridden"], 100 * r["lost"] / r["runs"]
-            wide = np.clip([[x - 100 * r["overridden_low"]], [100 * r["overridden_high"] - x]], 0, None)
-            high = np.clip([[y - 100 * r["low"]], [100 * r["high"] - y]], 0, None)
+            x, y = 100 * r["altered"], 100 * r["lost"] / r["runs"]
+            wide = np.clip([[x - 100 * r["altered_low"]], [100 * r["altered_high"] - x]], 0, None)
+            high = np.clip([[y - 100 * r["lost_low"]], [100 * r["lost_high"] - y]], 0, None)
             axes.errorbar(
                 x, y, xerr=wide, yerr=high, fmt=MARKERS[k % len(MARKERS)], ms=4.5, capsize=1.5, lw=0.8,
                 color=looks[r["filter"]]["color"], label=r["filter"],
@@ -44,7 +44,7 @@ def loss(pooled: Sequence[Mapping[str, Any]], folder: Path, name: str = "loss") 
                 grid[i, j].set_title(plant if i == 0 else "")
                 grid[i, j].set_xlim(-3, 103)
         for axes in grid[-1]:
-            axes.set_xlabel("steps altered [%]")
+            axes.set_xlabel("time altered [%]")
         by_name = {n: h for axes in grid.flat for h, n in zip(*axes.get_legend_handles_labels(), strict=True)}
         ordered = [n for n in filters if n in by_name]
         figure.legend(

@@ -10,8 +10,10 @@ from testbed.report.folder_files import json_of
 from testbed.report.settings import said
 from testbed.studies.benchmark import cost, page
 
+Rows = Sequence[Mapping[str, Any]]
 
-def text(folder: Path, figure: str, before: str = "") -> str:
+
+def text(folder: Path, figure: str, title: str, before: str = "") -> str:
     """The page of a benchmark's folder.
 
     figure  address of the drawing, as the page names it
@@ -19,17 +21,18 @@ def text(folder: Path, figure: str, before: str = "") -> str:
     """
     data = json_of(folder / page.MARK)
     b = data["benchmark"]
+    counts = f"{len(b['filters'])} filters, {len(b['plants'])} plants, {len(b['sets'])} sets of encounters"
     blocks = [
-        f"# {b['description'].partition('.')[0]}",
+        f"# {title}",
         before.strip(),
-        f"{data['runs']} runs: {len(b['filters'])} filters on {len(b['plants'])} plants in {len(b['sets'])} sets of"
-        " encounters. A run is **lost** if two vehicles, one of them under the filter, come closer than Ds, or if it"
-        f" ends before its end. {page.HOW} Filters stand in the file's order, which says nothing.",
-        f"![Runs lost over steps altered]({figure})",
+        f"{data['runs']} runs: {counts}. All filters fly the same encounters from the same seeds.",
+        page.WHAT,
+        f"{page.HOW} Filters stand in the file's order, which says nothing.",
+        f"![Runs lost over the time in which commands are altered]({figure})",
         "## All sets of one size together",
         _pooled(data["pooled"]),
         "## Which filters lose fewer runs than which",
-        _sure(data),
+        _sure(data["comparisons"]),
         "## Every set",
         *_cells(data["cells"]),
         "## Milliseconds a step",
@@ -42,90 +45,67 @@ def text(folder: Path, figure: str, before: str = "") -> str:
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
+def markdown(rows: Rows) -> str:
     """A table; columns in the order in which rows have them."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     if not rows:
         return "None."
     lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
-    lines += [
-        "| " + " | ".join(str(row.get(c, "")).replace("|", "/") for c in columns) + " |" for row in rows
-    ]
+    for row in rows:
+        cells = (str(row.get(c, "")).replace("|", "/") for c in columns)
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def _pooled(rows: Sequence[Mapping[str, Any]]) -> str:
-    return markdown([{"vehicles" if k == "set" else k: v for k, v in r.items()} for r in page.shown(rows)])
+def _pooled(rows: Rows) -> str:
+    return markdown([{"fleet" if k == "set" else k: v for k, v in r.items()} for r in page.shown(rows)])
 
 
-def _sure(data: Mapping[str, Any]) -> str:
-    found = data["comparisons"]
-    lines = [
-        "Every two filters on every plant, encounter by encounter: exact paired tests, which by Holm's rule err in at"
-        f" most 5 % all together. {sum(c['sure'] for c in found)} of {len(found)} are sure. Of two filters that are"
-        " not listed here neither is shown to lose fewer.",
-        "",
-    ]
+def _sure(found: Rows) -> str:
     groups: dict[tuple[str, str, str], list[str]] = {}
     for c in found:
         if c["sure"]:
             first = c["only_second"] > c["only_first"]
             better, worse = (c["first"], c["second"]) if first else (c["second"], c["first"])
             few, many = sorted((c["only_first"], c["only_second"]))
-            groups.setdefault((c["fleet"], c["plant"], better), []).append(f"{worse} ({few} against {many})")
+            groups.setdefault((c["fleet"], c["plant"], better), []).append(f"{worse} ({few} : {many})")
     rows = [
-        {
-            "vehicles": fleet,
-            "plant": plant,
-            "filter": name,
-            "loses fewer than (lost by the one alone)": ", ".join(of),
-        }
+        {"fleet": fleet, "plant": plant, "filter": name, "loses fewer than": ", ".join(of)}
         for (fleet, plant, name), of in groups.items()
     ]
-    return "\n".join(lines) + markdown(rows)
+    return (
+        f"{page.TESTS} {sum(c['sure'] for c in found)} of {len(found)} are sure. In brackets: encounters that"
+        f" only the better one lost, and only the other.\n\n{markdown(rows)}"
+    )
 
 
-def _cells(cells: Sequence[Mapping[str, Any]]) -> list[str]:
+def _cells(cells: Rows) -> list[str]:
     found = []
     for set_ in dict.fromkeys(c["set"] for c in cells):
-        rows = [
-            {k: v for k, v in r.items() if k != "set"}
-            for r in page.shown([c for c in cells if c["set"] == set_])
-        ]
-        found += [f"### {set_}", markdown(rows)]
+        rows = page.shown([c for c in cells if c["set"] == set_])
+        found += [f"### {set_}", markdown([{k: v for k, v in r.items() if k != "set"} for r in rows])]
     return found
 
 
 def _cost(folder: Path, b: Mapping[str, Any]) -> str:
-    rows = json_of(folder / cost.FILE)["rows"]
-    sizes = sorted({r["vehicles"] for r in rows})
-    of = {(r["filter"], r["vehicles"]): r for r in rows}
     first = b["reference"] or next(iter(b["filters"]))
-
-    def row(name: str) -> dict[str, Any]:
-        made: dict[str, Any] = {"filter": name}
-        for n in sizes:
-            here, there = of.get((name, n), {}), of.get((first, n), {})
-            if "median_ms" in here and "median_ms" in there:
-                times = here["median_ms"] / there["median_ms"]
-                made[f"{n} vehicles: median, 95 % [ms]"] = f"{here['median_ms']:.3f}, {here['most_ms']:.3f}"
-                made[f"{n}: times {first}"] = f"{times:.2g}"
-        return made
-
-    note = "Processor time of a step of the whole fleet in one encounter; the numbers are of one machine."
-    slow = [
-        r["filter"] for r in map(row, b["filters"]) if any(_slow(v) for k, v in r.items() if "times" in k)
-    ]
+    rows = cost.beside(json_of(folder / cost.FILE)["rows"], first)
+    slow = {r["filter"]: r["times"] for r in rows if (r["times"] or 0.0) > 10.0}
+    note = "Processor time of a step of the whole fleet in one encounter, on one machine."
     if slow:
-        note += f" More than ten times as long as {first}: {', '.join(slow)}."
-    return f"{note}\n\n{markdown([row(name) for name in b['filters']])}"
+        named = ", ".join(f"{name} ({times:.0f} times)" for name, times in slow.items())
+        note += f" More than ten times as long as {first}: {named}."
+    columns = {"filter": "filter", "vehicles": "vehicles", "median_ms": "median [ms]", "most_ms": "95 % [ms]"}
+    columns["times"] = f"times {first}"
+
+    def cell(value: Any) -> str:
+        return f"{value:.3g}" if isinstance(value, float) else str(value or "")
+
+    told = [{name: cell(r.get(k)) for k, name in columns.items()} for r in rows]
+    return f"{note}\n\n{markdown(told)}"
 
 
-def _slow(times: str) -> bool:
-    return float(times) > 10.0
-
-
-def _worst(listed: Sequence[Mapping[str, Any]]) -> str:
+def _worst(listed: Rows) -> str:
     rows = [
         {
             "set": w["set"],
@@ -137,8 +117,8 @@ def _worst(listed: Sequence[Mapping[str, Any]]) -> str:
         for w in listed
     ]
     return (
-        "Of each set the encounter that most filters lost, or that came nearest. The folder's `report.html` plays"
-        f" them, all filters together.\n\n{markdown(rows)}"
+        "Of each set the encounter that most filters lost; of equals the one that came nearest. The folder's"
+        f" `report.html` plays them, all filters together.\n\n{markdown(rows)}"
     )
 
 

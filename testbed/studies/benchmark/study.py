@@ -72,8 +72,8 @@ def _written(made: Plan, journal: Journal, out: Path, done: bool) -> Found:
     total = sum(len(of) for of in made.sets.values()) * len(b.plants) * len(b.filters)
     if not flown:
         raise UserError(f"{out}: no run ended in the time given; give more --minutes")
-    found = table.cells(flown)
-    pooled = table.pooled(flown, vehicles)
+    found = table.cells(flown, b.without)
+    pooled = table.pooled(flown, vehicles, b.without)
     compared = table.comparisons(flown, vehicles, b.without)
     shown = worst.worst(made, flown) if done else []
     if done:
@@ -127,8 +127,8 @@ def _printed(pooled: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             "plant": r["plant"],
             "filter": r["filter"],
             "lost": f"{r['lost']}/{r['runs']}",
-            "95 % interval": f"{100 * r['low']:.1f}-{100 * r['high']:.1f} %",
-            "altered": f"{100 * r['overridden']:.0f} %",
+            "95 % interval": f"{100 * r['lost_low']:.1f}-{100 * r['lost_high']:.1f} %",
+            "altered": f"{100 * r['altered']:.0f} %",
             "all arrived": f"{r['arrived']}/{r['runs']}",
         }
         for r in pooled

@@ -9,61 +9,104 @@ from typing import Any
 
 import numpy as np
 
+from testbed.measures.encounter_comparison import compared, lost
+from testbed.measures.encounter_measures import NMAC
 from testbed.statistics import PairedVerdicts, mean, paired_verdicts, rate
+from testbed.statistics.risk_ratio import risk_ratio
 
-Rows = Sequence[Mapping[str, Any]]
+Row = Mapping[str, Any]
+Rows = Sequence[Row]
 # Of what all comparisons of a page together claim.
 ERROR = 0.05
 
 
-def cells(rows: Rows) -> list[dict[str, Any]]:
+def cells(rows: Rows, without: str = "") -> list[dict[str, Any]]:
     """A row per set, plant and filter, in the order of `rows`.
 
-    lost, low, high  runs lost and the Clopper-Pearson interval of their rate
-    overridden...    mean share of steps altered, with its interval
-    arrived...       share of runs in which everybody arrived, with its interval
+    without     the filter that does nothing, for the risk ratios
+    lost...     runs lost, and the Clopper-Pearson interval of their rate
+    ratio...    risk ratio of losing Ds, its exact interval; `nmac_ratio` of the near mid-air collision
+    altered...  mean share of vehicles' time in which commands are altered, with its interval
+    arrived...  share of runs in which everybody arrived, with its interval
+    nuisance... runs in which the filter intervened, of those that stay well clear without it
     """
-    found: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
+    found: dict[tuple[str, str, str], list[Row]] = {}
     for r in rows:
         found.setdefault((r["set"], r["plant"], r["filter"]), []).append(r)
     return [
-        {"set": set_, "plant": plant, "filter": name} | _cell(of) for (set_, plant, name), of in found.items()
+        {"set": set_, "plant": plant, "filter": name}
+        | _cell(of, found.get((set_, plant, without), []) if name != without else [])
+        for (set_, plant, name), of in found.items()
     ]
 
 
-def _cell(of: Rows) -> dict[str, Any]:
+def _cell(of: Rows, base: Rows) -> dict[str, Any]:
     flown = [r for r in of if not r["refused"]]
-    seen = rate([r["lost"] for r in flown])
-    home = rate([r["arrived"] == r["due"] for r in flown])
-    altered = mean([r["overridden"] for r in flown], np.random.default_rng(0))
+    altered = mean([r["intervention_share"] for r in flown], np.random.default_rng(0))
     distances = [r["distance_m"] for r in flown if r["distance_m"] is not None]
-    added = [r["added_s"] for r in flown if r["added_s"] is not None]
+    added = [r["time_added_s"] for r in flown if r["time_added_s"] is not None]
     return {
         "runs": len(flown),
         "refused": len(of) - len(flown),
         "why": next((r["refused"] for r in of if r["refused"]), ""),
-        "lost": seen.count,
-        "low": seen.low,
-        "high": seen.high,
+        **_rate("lost", [r["lost"] for r in flown]),
+        **_rate("nmac", lost(flown, NMAC, True).tolist()),
+        **_rate("arrived", [r["arrived"] == r["with_goal"] for r in flown]),
+        **_against(flown, base),
         "least_m": min(distances) if distances else None,
         "median_m": float(np.median(distances)) if distances else None,
-        "overridden": altered.value,
-        "overridden_low": max(0.0, altered.low),
-        "overridden_high": min(1.0, altered.high),
-        "arrived": home.count,
-        "arrived_low": home.low,
-        "arrived_high": home.high,
+        "depth": max((r["nmac_depth"] for r in flown), default=None),
+        "altered": altered.value,
+        "altered_low": max(0.0, altered.low),
+        "altered_high": min(1.0, altered.high),
         "added_s": float(np.median(added)) if added else None,
         "ended_early": sum(bool(r["ended_early"]) for r in flown),
     }
 
 
-def pooled(rows: Rows, vehicles: Mapping[str, int]) -> list[dict[str, Any]]:
+def _rate(name: str, outcomes: Sequence[bool]) -> dict[str, Any]:
+    seen = rate(outcomes)
+    return {name: seen.count, f"{name}_low": seen.low, f"{name}_high": seen.high}
+
+
+def _against(flown: Rows, base: Rows) -> dict[str, Any]:
+    """Risk ratios and nuisances against the flights without a filter, encounter by encounter."""
+    alone = {_met(r): r for r in base if not r["refused"]}
+    both = [(r, alone[_met(r)]) for r in flown if _met(r) in alone]
+    if not both:
+        return {}
+    rng = np.random.default_rng(0)
+    first, second = ([pair[k] for pair in both] for k in (0, 1))
+    ratio = risk_ratio([r["lost"] for r in first], [r["lost"] for r in second], rng)
+    against = compared(first, second, rng)
+    nmac, nuisance = against[NMAC], against["nuisance"]
+    return {
+        "ratio": ratio.value,
+        "ratio_low": ratio.exact.low,
+        "ratio_high": ratio.exact.high,
+        "nmac_ratio": nmac.value,
+        "nmac_ratio_low": nmac.exact.low,
+        "nmac_ratio_high": nmac.exact.high,
+        "nuisance": nuisance.count,
+        "nuisance_of": nuisance.runs,
+        "nuisance_low": nuisance.low,
+        "nuisance_high": nuisance.high,
+        "lead_s": against["lead_s"].value,
+    }
+
+
+def _met(r: Row) -> tuple[str, str]:
+    """Which encounter a row is of; the set as the file names it."""
+    return r.get("of", r["set"]), r["encounter"]
+
+
+def pooled(rows: Rows, vehicles: Mapping[str, int], without: str = "") -> list[dict[str, Any]]:
     """As `cells`, over all sets of equal size of fleet together; `set` then names the size.
 
     vehicles  set -> how many fly in it
     """
-    return cells([r | {"set": f"{vehicles[r['set']]} vehicles"} for r in map(dict, rows)])
+    merged = [{**r, "of": r["set"], "set": f"{vehicles[r['set']]} vehicles"} for r in rows]
+    return cells(merged, without)
 
 
 @dataclass(frozen=True)

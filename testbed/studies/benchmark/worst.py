@@ -15,7 +15,6 @@ from testbed.scenario.location import moved
 from testbed.studies.benchmark.benchmark import Cell, Plan
 
 FOLDER = "worst"
-RECORD_S = 0.1
 # Vehicles in all runs of one playback: more make a page too large.
 MOST_VEHICLES = 24
 
@@ -63,7 +62,7 @@ def fly(made: Plan, which: Sequence[Mapping[str, Any]], out: Path) -> None:
         numbers = [m.name for m in made.sets[w["set"]]]
         for k, name in enumerate(w["filters"]):
             flight = made.flight(Cell(name, w["plant"], w["set"]), numbers.index(w["encounter"]))
-            s = flight.scenario(RECORD_S)
+            s = flight.scenario()
             folder = out / FOLDER / w["set"] / str(k)
             run(s, folder, force=True, overwrite=True)
             if name == w["nearest"]:
