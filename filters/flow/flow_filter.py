@@ -56,6 +56,7 @@ class FlowFilter:
     kappa    share of the clearance that one period may use up, in (0, 1]
     trust    share of the difference between measured and modelled rates that is believed in a period
     said     numbers for the record: how the margin was found
+    h_margin m, what the paper's h keeps along the flow; None: h is not kept
     cost     "range" divides each channel by its range, "raw" leaves them as they stand
     Raises   ValueError for numbers out of these ranges
 
@@ -75,6 +76,7 @@ class FlowFilter:
         cost: Literal["range", "raw"] = "range",
         trust: float = 0.1,
         said: Mapping[str, float] | None = None,
+        h_margin: float | None = None,
     ) -> None:
         if not 0 < kappa <= 1:
             raise ValueError(f"kappa is a share in (0, 1], got {kappa}")
@@ -87,6 +89,7 @@ class FlowFilter:
         self._turn = float(flow.gamma[0, 1]) * dt
         self.phases = Phases(abs(self._turn))
         self.level, self.kappa, self.cost = d_safe + margin, kappa, cost
+        self.circle = None if h_margin is None else d_safe + h_margin
         self._belief = Belief(flow, trust)
         self.record = MonitorRecord(checks=flow_checks(), numbers=dict(said or {}))
         self.endings = np.zeros(len(Ending), dtype=int)
@@ -122,9 +125,9 @@ class FlowFilter:
         covered = flow.covered(begun, np.stack([gamma, lower, upper, wanted.clipped]))
         paths = flow.paths(begun, covered[::3])
         base, wish = paths[0], paths[1]
-        moves = furthest(begun, *covered[:3])
+        moves = furthest(begun, *covered[:3], circles=self.circle is not None)
         turned = self._turn * (self.record.steps + begun.times.size)
-        kept = Kept(self.level, self.kappa, self.phases, turned)
+        kept = Kept(self.level, self.kappa, self.phases, turned, self.circle, self.record.steps)
         found = samples(base, *self._seen(view), kept, moves)
         made = rows(found, kept, moves)
         u, ending = wanted.clipped, np.full(n, int(Ending.NOMINAL))

@@ -34,9 +34,12 @@ class Reach:
     arm      (N,) m the arm
     circle   (N,) m at any phase of the circle, with its height
     start    (N,) complex m, where they are now
-    right, left  (N, M + 1) rad by which the course turns at most, at the instants and on the circle
-    down, up     (N, M + 1) m
-    rest         (N, M + 1) m along any unit vector, besides what the turn about `start` and the climb do
+    right, left  (N, K) rad by which the course turns at most
+    down, up     (N, K) m
+    rest         (N, K) m along any unit vector, besides what the turn about `start` and the climb do
+    begun        (N, M) m at any phase of the circles that begin at the instants; None if not asked for
+
+    K is M instants, the circle, and if asked for the M circles that begin at the instants.
     """
 
     at: Array
@@ -49,11 +52,12 @@ class Reach:
     down: Array
     up: Array
     rest: Array
+    begun: Array | None = None
 
     def along(self, k: Indices, across: Array, climb: Array) -> Array:
         """How far (R,) m any input moves vehicles against unit vectors e, at most.
 
-        k       (R,) place in (N, M + 1)
+        k       (R,) place in (N, K)
         across  (R,) m, e j (P - P0)
         climb   (R,) e's vertical part
         """
@@ -63,10 +67,11 @@ class Reach:
         return most
 
 
-def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array) -> Reach:
+def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array, circles: bool = False) -> Reach:
     """How far any input of the box can move each vehicle.
 
     gamma, lower, upper  (N, 3, M) integrals of the channels under gamma and under the ends of the box
+    circles              whether those that begin at the instants are asked for
     """
     low, high = gamma - lower, upper - gamma
     off = np.maximum(np.abs(low), np.abs(high))
@@ -81,9 +86,13 @@ def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array) -> Reach:
     # The way flown over the course's change, by parts; then what is of second order.
     rest = off[:, 0] + (flown * turned - swept) + 0.5 * turned * swept
     rest += way.max(axis=-1, keepdims=True) * turned + _ROUND_OFF
-    late = rest[:, -1] + radius * turned[:, -1] ** 2
+    # The arm turns with the course, whose phase may be the opposite one.
+    round_ = rest + radius[:, None] * turned**2
+    circle_from = np.sqrt((level + 2 * radius[:, None] * turned) ** 2 + climbed**2) if circles else None
+    later = slice(None) if circles else slice(0)
     right, left, down, up = (
-        np.concatenate([x, x[:, -1:]], axis=-1) for x in (low[:, 1], high[:, 1], low[:, 2], high[:, 2])
+        np.concatenate([x, x[:, -1:], x[:, later]], axis=-1)
+        for x in (low[:, 1], high[:, 1], low[:, 2], high[:, 2])
     )
     return Reach(
         np.sqrt(level**2 + climbed**2),
@@ -95,5 +104,6 @@ def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array) -> Reach:
         left,
         down,
         up,
-        np.concatenate([rest, late[:, None]], axis=-1),
+        np.concatenate([rest, round_[:, -1:], round_[:, later]], axis=-1),
+        circle_from,
     )

@@ -30,16 +30,30 @@ class Paths:
     z       (..., N, M) m
     centre  (..., N) complex m, of the circle flown after M dt
     arm     (..., N) complex m, from the centre to the vehicle at M dt
+    turned  (..., N, M) rad, by which the course has turned at the instants
     """
 
     at: Complex
     z: Array
     centre: Complex
     arm: Complex
+    turned: Array
 
     def __getitem__(self, index: int | slice | Indices) -> Paths:
         """The paths at `index` of the first axis."""
-        return Paths(self.at[index], self.z[index], self.centre[index], self.arm[index])
+        each = (self.at, self.z, self.centre, self.arm, self.turned)
+        return Paths(*(x[index] for x in each))
+
+    def arms(self, which: Indices) -> Complex:
+        """(..., K) m, arms of the circles that gamma, followed at once, would fly from instants on.
+
+        which  (K,) or more axes, place in (N, M)
+        """
+        instants = self.turned.shape[-1]
+        turned = self.turned.reshape(*self.turned.shape[:-2], -1).take(which, axis=-1)
+        vehicle = which // instants
+        left = turned - self.turned[..., -1].take(vehicle, axis=-1)
+        return np.asarray(self.arm.take(vehicle, axis=-1) * np.exp(1j * left))
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +209,7 @@ class Flow:
             np.cumsum(turned_to, axis=-1, out=part)
         radius = begun.gamma[:, 0] / begun.gamma[:, 1]
         arm = -1j * radius * np.exp(1j * (begun.state.theta + turned[..., -1]))
-        return Paths(at, begun.state.z[:, None] + climbed, at[..., -1] - arm, arm)
+        return Paths(at, begun.state.z[:, None] + climbed, at[..., -1] - arm, arm, turned)
 
 
 def _chord(half: Array) -> Array:

@@ -22,20 +22,23 @@ from filters.model import Array
 
 # Instants looked at together: one distance and the ways flown bound the others.
 _BLOCK = 8
+# Of so many instants, circles are kept that begin at one.
+_STRIDE = 3
 # Numbers differ by rounding from one way of computing them to another [m].
 _ROUND_OFF = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of pairs (P,) under gamma: the first T of S are about instants, the others about circles.
+    """Samples of pairs (P,) under gamma: T at instants, B on circles begun there, the others on the last circle.
 
     p, q        (S,) the two vehicles of each sample
     at_p, at_q  (S,) complex m, where they are
-    instant     (T,) index of the instant
+    instant     (T + B,) index of the instant
     turn        (S - T,) exp(j phase)
     away, up    (S,) unit vectors from j to i, horizontal as complex numbers, and vertical
     distance    (S,) m
+    spare       (S,) m, distance less what is kept
     least       (P,) m, over all instants and the whole circle, whether sampled or not
     """
 
@@ -50,6 +53,7 @@ class Samples:
     away: Complex
     up: Array
     distance: Array
+    spare: Array
     least: Array
 
 
@@ -61,12 +65,16 @@ class Kept:
     kappa   share of the slack that one period may use up
     phases  of the circles
     turned  rad, from where their grid stands to where the arms are
+    circle  m, what circles that begin at instants keep, Ds + m of the paper's h; None: it is not kept
+    step    periods flown, by which the instants are chosen at which circles begin
     """
 
     level: float
     kappa: float
     phases: Phases
     turned: float
+    circle: float | None = None
+    step: int = 0
 
 
 def samples(gamma: Paths, i: Indices, j: Indices, kept: Kept, reach: Reach) -> Samples:
@@ -86,21 +94,49 @@ def samples(gamma: Paths, i: Indices, j: Indices, kept: Kept, reach: Reach) -> S
     nearest = np.angle(-between[late] * np.conj(swing[late]))
     which, turn = kept.phases.chosen(nearest, kept.turned, parallel)
     which = late[which]
-    p, q = (np.concatenate([x.take(pair), x.take(which)]) for x in (i, j))
     early = pair.size
+    begun, from_, turn_begun = _begun(gamma, i, j, kept, reach)
+    instant, turn = np.concatenate([instant, from_]), np.concatenate([turn_begun, turn])
+    p, q = (np.concatenate([x.take(pair), x.take(begun), x.take(which)]) for x in (i, j))
     at_p, at_q = (_positions(gamma, x, instant, turn) for x in (p, q))
-    z = gamma.z.ravel()
+    z, split = gamma.z.ravel(), instant.size
     level, height = at_p - at_q, np.empty(p.size)
-    height[:early] = z.take(_flat(gamma, p[:early], instant)) - z.take(_flat(gamma, q[:early], instant))
-    height[early:] = last.take(which)
+    height[:split] = z.take(_flat(gamma, p[:split], instant)) - z.take(_flat(gamma, q[:split], instant))
+    height[split:] = last.take(which)
     distance = np.sqrt(level.real**2 + level.imag**2 + height**2)
     least = whole.copy()
     if early:  # samples of one pair stand together
         first = np.flatnonzero(np.diff(pair, prepend=-1))
         found = pair[first]
         least[found] = np.minimum(least[found], np.minimum.reduceat(distance[:early], first))
+    spare = distance - kept.level
+    if kept.circle is not None:
+        spare[early:split] += kept.level - kept.circle
     scale = 1.0 / np.maximum(distance, 1e-9)
-    return Samples(i, j, p, q, at_p, at_q, instant, turn, level * scale, height * scale, distance, least)
+    away, up = level * scale, height * scale
+    return Samples(i, j, p, q, at_p, at_q, instant, turn, away, up, distance, spare, least)
+
+
+def _begun(
+    gamma: Paths, i: Indices, j: Indices, kept: Kept, reach: Reach
+) -> tuple[Indices, Indices, Complex]:
+    """Pair, instant and exp(j phase) (B,) of circles that gamma, followed at once, would fly from there on.
+
+    Of `_STRIDE` instants they begin at one, which stands still as the vehicles fly on.
+    """
+    if kept.circle is None or reach.begun is None:
+        none = np.zeros(0, dtype=np.intp)
+        return none, none, np.zeros(0, dtype=complex)
+    n, instants = gamma.at.shape
+    k = np.arange((-1 - kept.step) % _STRIDE, instants, _STRIDE)
+    arm, z = gamma.arms(np.arange(n)[:, None] * instants + k), gamma.z[:, k]
+    centre, far = gamma.at[:, k] - arm, reach.begun[:, k]
+    between, swing = centre[i] - centre[j], arm[i] - arm[j]
+    near = kept.circle + 2 / kept.kappa * np.maximum(far[i], far[j])
+    pair, at = np.nonzero((np.abs(between) - np.abs(swing)) ** 2 + (z[i] - z[j]) ** 2 < near**2)
+    nearest = np.angle(-between[pair, at] * np.conj(swing[pair, at]))
+    which, turn = kept.phases.chosen(nearest, 0.0, np.zeros(pair.size, dtype=bool))
+    return pair[which], k[at[which]], turn
 
 
 def _flat(paths: Paths, vehicle: Indices, instant: Indices) -> Indices:
@@ -109,12 +145,15 @@ def _flat(paths: Paths, vehicle: Indices, instant: Indices) -> Indices:
 
 
 def _positions(gamma: Paths, vehicle: Indices, instant: Indices, turn: Complex) -> Complex:
-    """Where vehicles (S,) are: the first at instants (T,), the others at phases (S - T,) of their circles."""
-    early, late = vehicle[: instant.size], vehicle[instant.size :]
+    """Where vehicles (S,) are: T at instants, B on circles that begin there, the others on the last circle."""
+    split, early = instant.size, vehicle.size - turn.size
     found = np.empty(vehicle.size, dtype=complex)
-    found[: instant.size] = gamma.at.ravel().take(_flat(gamma, early, instant))
-    circle = found[instant.size :]
-    np.multiply(gamma.arm.take(late), turn, out=circle)
+    flat = _flat(gamma, vehicle[:split], instant)
+    found[:split] = gamma.at.ravel().take(flat)
+    if split > early:
+        found[early:split] += gamma.arms(flat[early:]) * (turn[: split - early] - 1.0)
+    circle, late = found[split:], vehicle[split:]
+    np.multiply(gamma.arm.take(late), turn[split - early :], out=circle)
     circle += gamma.centre.take(late)
     return found
 
@@ -154,8 +193,8 @@ class Rows:
     along, up  (R,) unit vector: horizontal as a complex number, and vertical
     least      (R,) m, at most 0
     back       (R,) m, what is aimed at beyond that where the slack is negative
-    instant    (T,) of the first T rows, which are about the transient: index of the instant
-    turn       (R - T,) complex, exp(j phase) of the others, which are about the circle
+    instant    (T + B,) of the T rows about the transient and the B about circles begun there: index of the instant
+    turn       (R - T,) complex, exp(j phase) of the B, and of the others, which are about the last circle
     """
 
     vehicle: Indices
@@ -170,12 +209,15 @@ class Rows:
     def displacement(self, moved: Paths, gamma: Paths) -> Array:
         """Displacements (..., R) m along the unit vectors, of paths (..., N, M) against gamma's (N, M)."""
         split, lead = self.instant.size, moved.at.shape[:-2]
-        first, late = self.vehicle[:split], self.vehicle[split:]
-        flat = first * moved.at.shape[-1] + self.instant
+        early, late = self.vehicle.size - self.turn.size, self.vehicle[split:]
+        flat = self.vehicle[:split] * moved.at.shape[-1] + self.instant
         level = np.empty((*lead, self.vehicle.size), dtype=complex)
         up = np.empty(level.shape)
         level[..., :split] = (moved.at - gamma.at).reshape(*lead, -1).take(flat, axis=-1)
-        swung = (moved.arm - gamma.arm).take(late, axis=-1) * self.turn
+        if split > early:
+            some, onwards = flat[early:], self.turn[: split - early] - 1.0
+            level[..., early:split] += (moved.arms(some) - gamma.arms(some)) * onwards
+        swung = (moved.arm - gamma.arm).take(late, axis=-1) * self.turn[split - early :]
         level[..., split:] = (moved.centre - gamma.centre).take(late, axis=-1) + swung
         height = moved.z - gamma.z
         up[..., :split] = height.reshape(*lead, -1).take(flat, axis=-1)
@@ -187,7 +229,7 @@ class Rows:
         place = np.full(int(max(self.vehicle.max(initial=0), vehicles.max(initial=0))) + 1, -1)
         place[vehicles] = np.arange(vehicles.size)
         here = place[self.vehicle] >= 0
-        split = self.instant.size
+        split, early = self.instant.size, self.vehicle.size - self.turn.size
         return Rows(
             place[self.vehicle[here]],
             self.other[here],
@@ -196,39 +238,41 @@ class Rows:
             self.least[here],
             self.back[here],
             self.instant[here[:split]],
-            self.turn[here[split:]],
+            self.turn[here[early:]],
         )
 
 
 def rows(found: Samples, kept: Kept, reach: Reach) -> Rows:
     """The rows that some input may break, of both vehicles of each pair."""
     split, places = found.instant.size, reach.rest.shape[-1]
-    share = 0.5 * kept.kappa * (found.distance - kept.level)
+    first = found.p.size - found.turn.size
+    share = 0.5 * kept.kappa * found.spare
     allowed = np.maximum(share, 0.0)
-    place = np.full(found.p.size, places - 1)
+    place = np.empty(found.p.size, dtype=np.intp)
     place[:split] = found.instant
-    early, late = [], []
+    place[first:split] += reach.at.shape[-1] + 1
+    place[split:] = reach.at.shape[-1]
+    parts: list[list[Indices]] = [[], [], []]
     for vehicle, at, sign in ((found.p, found.at_p, 1.0), (found.q, found.at_q, -1.0)):
         out = at - reach.start.take(vehicle)
         across = found.away.imag * out.real - found.away.real * out.imag
         far = reach.along(vehicle * places + place, sign * across, sign * found.up)
         some = np.flatnonzero(allowed < far)
-        cut = int(np.searchsorted(some, split))
-        early.append(some[:cut])
-        late.append(some[cut:])
-    # The transient's rows of both sides, then the circle's.
-    sample = np.concatenate([*early, *late])
-    cut = early[0].size + early[1].size
-    first = np.repeat([True, False, True, False], [x.size for x in (*early, *late)])
-    sign_of = np.where(first, 1.0, -1.0)
+        for part, own in zip(parts, np.split(some, np.searchsorted(some, [first, split])), strict=True):
+            part.append(own)
+    # The transient's rows of both sides, then those of the circles that begin there, then the last circle's.
+    sample = np.concatenate([own for part in parts for own in part])
+    early, begun = (sum(own.size for own in part) for part in parts[:2])
+    ofp = np.repeat([True, False] * 3, [own.size for part in parts for own in part])
+    sign_of = np.where(ofp, 1.0, -1.0)
     p, q = found.p.take(sample), found.q.take(sample)
     return Rows(
-        np.where(first, p, q),
-        np.where(first, q, p),
+        np.where(ofp, p, q),
+        np.where(ofp, q, p),
         sign_of * found.away.take(sample),
         sign_of * found.up.take(sample),
         -allowed.take(sample),
         np.maximum(-share.take(sample), 0.0),
-        found.instant.take(sample[:cut]),
-        found.turn.take(sample[cut:] - split),
+        found.instant.take(sample[: early + begun]),
+        found.turn.take(sample[early:] - first),
     )

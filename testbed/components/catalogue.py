@@ -145,6 +145,7 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
             said.cost,
             said.trust,
             numbers,
+            said.h_margin_m,
         )
         made.record.checks["flow_wind"].see(0, *spare_airspeed(s, gamma, flying))
         return made

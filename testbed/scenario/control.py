@@ -63,6 +63,9 @@ class Flow(Section):
     kappa: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.1, description="share of the clearance on the flow that one filter period may use up"
     )
+    h_margin_m: NonNegative | None = Field(
+        default=None, description="the flow keeps the paper's h at this, at any instant; absent: it does not"
+    )
     trust: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.1,
         description="share of the difference between measured and modelled rates believed in a period",

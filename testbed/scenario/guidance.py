@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from testbed.scenario.fields import Coordinate, Divisor, Positive, Section, Speed
+from testbed.scenario.fields import Coordinate, Divisor, NonNegative, Positive, Section, Speed
 from testbed.scenario.installed import installed
 from testbed.scenario.kinds import INSTALLED, Kinds
 from testbed.scenario.track_file import MOST_ROWS, faulty, sha256
@@ -153,6 +153,14 @@ class Layers(_Following):
     middle_m: Coordinate = Field(default=0.0, description="height of the middle of all layers")
     height_m: Coordinate | None = Field(
         default=None, description="the layer itself, of a [vehicle.guidance]; absent: dealt"
+    )
+    goal_offset_m: NonNegative = Field(
+        default=0.0, description="the goal is passed at the layer's height where that is so near to it"
+    )
+    evading: bool = Field(
+        default=False,
+        description="turns of more than 90 deg have the evading turn's sense, and after the goal that turn is"
+        " flown in the layer",
     )
     climb_mps: Positive | None = Field(
         default=None, description="of the descent to the goal; absent: 0.7 of the climb rate limit"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from filters.model import Array, Command, Limits, View
-from testbed.components.following.layers import Layers, dealt, descent_rate
+from testbed.components.following.layers import SPARE_M, Layers, dealt, descent_rate, other_layers, parking
 from testbed.components.following.lines import Hold, Waypoints
 from testbed.components.following.loiter import Loiter
 from testbed.components.following.roundabout import Roundabout, ring_radius, sense_against
@@ -110,8 +110,19 @@ def _law(table: tables.Guidance, fleet: Fleet, who: np.ndarray) -> Guidance:
             return FollowTrack(track, table.course_gain_per_s, table.position_gain_per_s, limits)
         case tables.Layers():
             gains, descent = (table.course_gain_per_s, table.height_gain_per_s), descent_rate(table, limits)
+            layers = fleet.layers()
             return Layers(
-                goal, fleet.goal_radius, fleet.layers()[who], table.speed_mps, descent, *gains, limits
+                goal,
+                fleet.goal_radius,
+                layers[who],
+                table.speed_mps,
+                descent,
+                *gains,
+                limits,
+                fleet.gamma()[who] if table.evading else None,
+                table.goal_offset_m,
+                [other_layers(layers)[k] for k in who],
+                parking(layers[who], fleet.d_safe + SPARE_M),
             )
         case tables.Roundabout():
             return _roundabout(table, fleet, who)
