@@ -250,18 +250,20 @@ def test_no_input_moves_a_vehicle_further_against_a_direction_than_its_bound(see
 
 
 def unbounded(reach: Reach, *also: str) -> Reach:
-    names = ("at", "circle", "rest", *also)
+    names = ("at", "circle", "rest", *also, *(["begun"] if reach.begun is not None else []))
     return replace(reach, **{name: np.full_like(getattr(reach, name), np.inf) for name in names})
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_what_is_left_out_changes_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("seed, h_margin", [(0, None), (1, None), (2, None), (3, 1.0)])
+def test_what_is_left_out_changes_nothing(
+    seed: int, h_margin: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Against a filter that looks at every pair at every instant and phase."""
     rng = np.random.default_rng(seed)
     n, kappa = 7, 0.1
     gamma = Command.of(np.tile(GAMMA, (n, 1)))
     limits = Limits(*(np.full(n, v) for v in (LOW[0], HIGH[0], HIGH[1], HIGH[2])))
-    pruned, plain = (FlowFilter([LAGS], gamma, 5.0, DT, kappa=kappa) for _ in range(2))
+    pruned, plain = (FlowFilter([LAGS], gamma, 5.0, DT, kappa=kappa, h_margin=h_margin) for _ in range(2))
     bound = flow_filter.furthest
     altered = 0
     for _ in range(12):

@@ -30,7 +30,7 @@ _ROUND_OFF = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of pairs (P,) under gamma: T at instants, B on circles begun there, the others on the last circle.
+    """Samples of pairs (P,) under gamma: T at instants, B on circles begun there, others on the last circle.
 
     p, q        (S,) the two vehicles of each sample
     at_p, at_q  (S,) complex m, where they are
@@ -145,7 +145,7 @@ def _flat(paths: Paths, vehicle: Indices, instant: Indices) -> Indices:
 
 
 def _positions(gamma: Paths, vehicle: Indices, instant: Indices, turn: Complex) -> Complex:
-    """Where vehicles (S,) are: T at instants, B on circles that begin there, the others on the last circle."""
+    """Where vehicles (S,) are: T at instants, B on circles begun there, the others on the last circle."""
     split, early = instant.size, vehicle.size - turn.size
     found = np.empty(vehicle.size, dtype=complex)
     flat = _flat(gamma, vehicle[:split], instant)
@@ -193,7 +193,7 @@ class Rows:
     along, up  (R,) unit vector: horizontal as a complex number, and vertical
     least      (R,) m, at most 0
     back       (R,) m, what is aimed at beyond that where the slack is negative
-    instant    (T + B,) of the T rows about the transient and the B about circles begun there: index of the instant
+    instant    (T + B,) index of the instant: T rows are about the transient, B about circles begun there
     turn       (R - T,) complex, exp(j phase) of the B, and of the others, which are about the last circle
     """
 
