@@ -125,7 +125,7 @@ class FlowFilter:
         covered = flow.covered(begun, np.stack([gamma, lower, upper, wanted.clipped]))
         paths = flow.paths(begun, covered[::3])
         base, wish = paths[0], paths[1]
-        moves = furthest(begun, *covered[:3], self.circle is not None)
+        moves = furthest(begun, covered[0], covered[1], covered[2], self.circle is not None)
         turned = self._turn * (self.record.steps + begun.times.size)
         kept = Kept(self.level, self.kappa, self.phases, turned, self.circle, self.record.steps)
         found = samples(base, *self._seen(view), kept, moves)

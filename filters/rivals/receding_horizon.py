@@ -27,7 +27,7 @@ from filters.cbf.problem import Problem, input_set
 from filters.constraints import Indices
 from filters.filter import Decision, Declaration, MonitorRecord
 from filters.flow.reach import furthest
-from filters.flow.rollout import Begun, Paths
+from filters.flow.rollout import Begun
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 from filters.rivals.gatekeeper import CLEAR_TO_M, plan_checks
@@ -102,7 +102,7 @@ class RecedingHorizonFilter:
         moved = made.displacement(flow.paths(begun, integrals[3]), base)
         v = np.unique(made.vehicle[~(moved >= made.least)])
         if v.size:
-            own = Paths(base.at[v], base.z[v], base.centre[v], base.arm[v])
+            own = base[v]
             each = begun.of(v), flow, made.of(v), own, lasts, self._weight
             plan[v] = Programs(*each, before[v], plan[v], lower[v], upper[v]).plans()
         plan = self._joint(begun, lasts, plan, before, i, j, np.minimum(clear, 0.0))

@@ -90,10 +90,10 @@ class Layers:
         self._nearest = np.where(nearer, level, self._nearest)
         self._since = np.where(nearer, t, self._since)
         patience = PATIENCE * 2 * np.pi / np.abs(self._gamma.omega)
-        for k in np.flatnonzero((t - self._since > patience) & ~self._arrived):
+        for k in map(int, np.flatnonzero((t - self._since > patience) & ~self._arrived)):
             self._nearest[k], self._since[k] = level[k], t
             if len(self._others) and len(self._others[k]):
-                self._layer[k] = self._others[k][self._changes[k] % len(self._others[k])]
+                self._layer[k] = float(self._others[k][int(self._changes[k]) % len(self._others[k])])
                 self._changes[k] += 1
 
 
