@@ -118,7 +118,8 @@ def dealt(tables: Sequence[Table], limits: Limits, way: Array, goal_radius: floa
         layers = table.layers
         if layers is None:
             reach = (way / 2.0 - goal_radius) / table.speed_mps * descent_rate(table, limits)
-            layers = min(count, max(1, 1 + int(2.0 * max(float(reach.min()), 0.0) / spacing)))
+            least = max(float(reach.min()), 0.0) + table.goal_offset_m
+            layers = min(count, max(1, 1 + int(2.0 * least / spacing)))
         own = table.middle_m + spacing * (k * _stride(layers) % layers - (layers - 1) / 2.0)
         made[k] = own if table.height_m is None else table.height_m
     return made
