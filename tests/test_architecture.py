@@ -39,6 +39,7 @@ ORDER = {
     "testbed": [
         "errors",
         "statistics",
+        "rare_events",
         "scenario",
         "records",
         "environment",

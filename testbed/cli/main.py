@@ -20,6 +20,7 @@ from testbed.cli import (
     figures,
     ledger,
     margin,
+    rare,
     regress,
     remaking,
     remedies,
@@ -105,6 +106,7 @@ _add("benchmark", benchmark.benchmark, benchmark.EXAMPLES, "Compare filters in s
 app.add_typer(regress.app, name="regress")
 app.add_typer(campaign.app, name="campaign")
 _add("falsify", falsify.falsify, falsify.EXAMPLES, "Search for a violation, and shrink it.")
+_add("rare", rare.rare, rare.EXAMPLES, "Estimate the probability of a rare event over random starts.")
 _add("verify", verify.verify, verify.EXAMPLE, "Compute a run's verdicts again from its positions.")
 
 

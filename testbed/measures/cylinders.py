@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from filters.model import Array
+from testbed.encounters.units import FT
 from testbed.errors import UserError, short
-
-_FOOT = 0.3048
 
 
 @dataclass(frozen=True)
@@ -34,14 +33,14 @@ class Cylinder:
 
 # Between two small unmanned aircraft: 50 ft by 15 ft, the analogue of the NMAC of crewed aircraft.
 # Weinert, Alvarez, Owen & Zintak 2022, J. Air Transportation 30(1), doi 10.2514/1.D0260; RTCA DO-396.
-SMALL_NMAC = Cylinder(50 * _FOOT, 15 * _FOOT)
+SMALL_NMAC = Cylinder(50 * FT, 15 * FT)
 # Ours: NMAC scaled as well clear is to NMAC for a small unmanned and a crewed aircraft, 4 and 2.5 times.
-SMALL_WELL_CLEAR = Cylinder(200 * _FOOT, 37.5 * _FOOT)
+SMALL_WELL_CLEAR = Cylinder(200 * FT, 37.5 * FT)
 # Of crewed aircraft: 500 ft by 100 ft (RTCA DO-185, ASTM F3442).
-CREWED_NMAC = Cylinder(500 * _FOOT, 100 * _FOOT)
+CREWED_NMAC = Cylinder(500 * FT, 100 * FT)
 # Of a small unmanned aircraft and a crewed one: 2000 ft by 250 ft (Weinert, Campbell, Vela, Schuldt & Kurucar
 # 2018, J. Air Transportation 26(3), doi 10.2514/1.D0091; ASTM F3442).
-CREWED_WELL_CLEAR = Cylinder(2000 * _FOOT, 250 * _FOOT)
+CREWED_WELL_CLEAR = Cylinder(2000 * FT, 250 * FT)
 
 
 def read(text: str, option: str) -> Cylinder:
@@ -53,7 +52,7 @@ def read(text: str, option: str) -> Cylinder:
     try:
         if match is None:
             raise ValueError
-        radius, height = (float(part) * (_FOOT if match[3] == "ft" else 1.0) for part in (match[1], match[2]))
+        radius, height = (float(part) * (FT if match[3] == "ft" else 1.0) for part in (match[1], match[2]))
         if not (0 < radius <= 1e6 and 0 < height <= 1e6):
             raise ValueError
     except ValueError:

@@ -48,6 +48,7 @@ MARKS = (
     "campaign.json",
     "export.json",
     "falsify.json",
+    "rare.json",
     "encounters.json",
     "benchmark.json",
 )

@@ -1,0 +1,1 @@
+"""How probable a rare event is over a scenario's random starts."""
