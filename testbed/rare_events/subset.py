@@ -36,13 +36,21 @@ class Level:
 
 @dataclass(frozen=True)
 class Repetition:
-    """One subset simulation: its probability, runs, and levels."""
+    """One subset simulation: its probability, 0 if it did not reach the event, and its runs and levels."""
 
     probability: float
     runs: int
     levels: tuple[Level, ...]
     reached: bool
     below: Array  # (n, d) runs with the event, of the last level
+
+    @property
+    def most(self) -> float:
+        """The probability, or without the event what may have been missed: below 3 runs of the last level."""
+        if self.reached:
+            return self.probability
+        share = float(np.prod([level.share for level in self.levels if level.share > 0.0]))
+        return share * min(1.0, 3.0 * len(self.levels) / max(1, self.runs))
 
 
 def estimate(
@@ -85,8 +93,8 @@ def joined(
     missed = sum(not r.reached for r in found)
     if missed:
         doubts.append(
-            f"{missed} of {count} repetitions did not reach the event in {MOST_LEVELS} levels: the"
-            " probability may be 0, and the interval has no lower end"
+            f"{missed} of {count} repetitions did not reach the event: the probability may be 0, and the"
+            " upper end is of what they may have missed"
         )
     stuck = min((level.acceptance for r in found for level in r.levels), default=1.0)
     if stuck < 0.05:
@@ -94,7 +102,7 @@ def joined(
             f"chains accepted {100 * stuck:.1f} % of their moves on some level: they may not have"
             " left their first runs; give more runs a level"
         )
-    logs = np.log(np.where(each > 0.0, each, SHARE**MOST_LEVELS / runs_per_level))
+    logs = np.log([r.most for r in found])
     variance = float(logs.var(ddof=1))
     centre = float(logs.mean()) + 0.5 * variance
     error = np.sqrt(variance / count + 0.5 * variance**2 / (count + 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from filters.model import Array
 from testbed.campaigns import engine
-from testbed.campaigns.display import Display, say
+from testbed.campaigns.display import LOGGED_S, Display, say
 from testbed.campaigns.identity import RunIds, content_id
 from testbed.campaigns.job import Job
 from testbed.campaigns.journal import Journal
@@ -127,11 +128,13 @@ class Flights:
         s = self.space.scenario
         self._base = RunIds(__name__).of(override(s, {}), s.seed, _origins(s, self.parts))
         self._update = self.display.task("runs", 1.0)
+        self._said = 0.0
 
     def __call__(self, z: Array) -> Array:
         """(n,) of z (n, d)."""
         starts = self.starts(z)
-        keys = [content_id([self._base, self.event.statistic, x.tolist()]) for x in starts]
+        within = [self._base, vars(self.space.bounds), self.event.statistic]
+        keys = [content_id([*within, x.tolist()]) for x in starts]
         done = 0
 
         def ended(number: int, row: dict[str, Any]) -> None:
@@ -144,7 +147,8 @@ class Flights:
         rows = [self.journal.entries[key]["row"] for key in keys]
         self.refused += [row["refused"] for row in rows if row["refused"]]
         values = np.array([np.nan if row["value"] is None else row["value"] for row in rows])
-        if not self.display.live:
+        if not self.display.live and time.monotonic() - self._said > LOGGED_S:
+            self._said = time.monotonic()
             least = float(np.nanmin(values)) if np.isfinite(values).any() else np.nan
             say(f"{self.asked} runs: least of the last {len(keys)} {least:.3g}")
         return values - self.event.bound
