@@ -18,8 +18,9 @@ from filters.cbf.constraints import pair_rows
 from filters.cbf.problem import Problem, input_set
 from filters.model import Command, Limits, State, View, step
 from filters.qp.batch import solve_each
-from filters.qp.single import Status
+from filters.qp.single import Status, best_margin
 from filters.rivals.collision_cone import CollisionConeFilter, cone
+from filters.rivals.least_violation import solve_or_violate_least
 from filters.rivals.optimal_decay import OptimalDecayFilter
 from filters.rivals.velocity_obstacles import VelocityObstacleFilter, least_change, least_height, velocity
 from testbed.scenario.scenario import load
@@ -55,6 +56,30 @@ def distance(p: np.ndarray, w: np.ndarray, until: float) -> float:
     return float(np.linalg.norm(p + w * t))
 
 
+@pytest.mark.parametrize("still", [False, True])
+def test_inputs_are_the_qps_where_it_has_a_solution_and_violate_least_where_not(still: bool) -> None:
+    rng, n = np.random.default_rng(3), 40
+    owner = np.repeat(np.arange(n), 4)
+    rows, level = rng.normal(size=(4 * n, 3)), rng.uniform(-10, 14, 4 * n)
+    lower, upper = (
+        np.tile([14.0, -5.0, 0.0 if still else -4.0], (n, 1)),
+        np.tile([25.0, 5, 0 if still else 4], (n, 1)),
+    )
+    target = rng.uniform(-10, 30, (n, 3))
+    exact, status = solve_each(target, owner, rows, level, lower, upper)
+    u, said = solve_or_violate_least(target, owner, rows, level, lower, upper)
+    assert (said == status).all() and {int(s) for s in status} == {1, 2}
+    solved = status == Status.SOLVED
+    assert np.allclose(u[solved], exact[solved], atol=1e-7)
+    assert (u >= lower).all() and (u <= upper).all()
+    unit = np.linalg.norm(rows, axis=1)
+    for k in np.flatnonzero(~solved):
+        own = owner == k
+        scaled, due = rows[own] / unit[own, None], level[own] / unit[own]
+        best, _ = best_margin(scaled, due, lower[k], upper[k])
+        assert np.min(scaled @ u[k] - due) == pytest.approx(best, abs=1e-6)
+
+
 # Collision cone
 
 
@@ -78,7 +103,8 @@ def test_the_cones_border_is_the_tangent(apart: float) -> None:
     p = np.array([[apart, 0.0, 0.0]])
     w = -30.0 * np.array([[np.cos(half), np.sin(half), 0.0]])
     h, tangent, speed = cone(p, w, DS)
-    assert abs(h[0]) < 1e-9 and tangent[0] == pytest.approx(np.sqrt(apart**2 - DS**2)) and speed[0] == pytest.approx(30.0)
+    assert abs(h[0]) < 1e-9 and speed[0] == pytest.approx(30.0)
+    assert tangent[0] == pytest.approx(np.sqrt(apart**2 - DS**2))
     assert h[0] == pytest.approx(p[0] @ w[0] + apart * 30.0 * np.cos(half))
 
 

@@ -14,6 +14,8 @@ from filters.cbf.problem import Cost, Problem, input_set
 from filters.constraints import Constraints, Indices, dot
 from filters.filter import Check, Decision, Declaration, MonitorRecord
 from filters.model import Array, Command, Limits, View
+from filters.qp.single import Status
+from filters.rivals.least_violation import solve_or_violate_least
 from filters.rivals.velocity_obstacles import velocity
 
 # Of the safe distance: the length of a tangent to the other's sphere is at least this. At the sphere itself
@@ -55,7 +57,7 @@ class CollisionConeFilter:
     In units of the row the input is affine: hdot = L_f h + c (a e + v omega n + climb acceleration), with
     e and n the unit vectors along and to the left of the course and c = -(p + w sqrt(|p|^2 - r^2) / |w|). No
     point ahead of the axle is needed, which the authors use to reach a torque; omega turns the velocity
-    itself. A vehicle whose rows contradict each other flies the input of the largest common margin.
+    itself. A vehicle whose rows contradict each other flies the input that violates them least.
     """
 
     d_safe: float
@@ -90,7 +92,19 @@ class CollisionConeFilter:
         problem = Problem(*input_set(view, nominal, limits), cost=self.cost)
         rows, other = self.rows(view)
         self._note(len(view.state), rows.vehicles[0], other, rows.h)
-        return problem.decision(*problem.limited(rows), None, np.zeros(0))
+        (vehicle,), (lie,), u = rows.vehicles, rows.lie, problem.clipped
+        short, status = rows.rhs - rows.left(u), np.full(len(u), int(Status.SOLVED))
+        residual = np.zeros(len(u))
+        if (short > 0).any():
+            use = (np.bincount(vehicle[short > 0], minlength=len(u)) > 0)[vehicle]
+            w = np.ones_like(u) if problem.scale is None else problem.scale
+            box = (x / w for x in (problem.lower, problem.upper))
+            asked = vehicle[use], (lie * w[vehicle])[use], rows.rhs[use]
+            found, status = solve_or_violate_least(problem.target / w, *asked, *box)
+            altered = np.bincount(vehicle[use], minlength=len(u))[:, None] > 0
+            u = np.where(altered, np.clip(found * w, problem.lower, problem.upper), u)
+            np.maximum.at(residual, vehicle, rows.rhs - rows.left(u))
+        return problem.decision(u, status, residual, None, np.zeros(0))
 
     def _note(self, n: int, observer: Indices, other: Indices, h: Array) -> None:
         """Watch h (R,) of this step against the last one's."""

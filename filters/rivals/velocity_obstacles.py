@@ -16,7 +16,7 @@ from filters.cbf.problem import Problem, input_set
 from filters.constraints import Indices, dot
 from filters.filter import Decision, Declaration
 from filters.model import Array, Command, Limits, View
-from filters.qp.batch import solve_each
+from filters.rivals.least_violation import solve_or_violate_least
 
 # Below this relation of the sideways part of a vector to its length two vehicles meet exactly head-on.
 HEAD_ON = 1e-9
@@ -41,8 +41,8 @@ class VelocityObstacleFilter:
     Mapping   wanted velocity: along the course T s from now under the nominal turn rate. A vehicle chooses in
               the box of forward, sideways and climbing velocity that its limits let it reach in T, and
               commands the speed, climb rate and turn rate that give the chosen one after T.
-    Where no velocity of the box is in all half spaces, that of the largest common margin is taken, as the
-    authors do. It has no h; its status is that of the QP.
+    Where no velocity of the box is in all half spaces, that of the least violation is taken, as the authors
+    do. It has no h; its status is that of the QP.
     """
 
     d_safe: float
@@ -95,7 +95,7 @@ class VelocityObstacleFilter:
         left = np.bincount(observer[short], minlength=n) > 0
         box = reachable(problem, np.hypot(flown[:, 0], flown[:, 1]), response)
         use = left[observer]
-        chosen, status = solve_each(wanted, observer[use], rows[use], level[use], *box)
+        chosen, status = solve_or_violate_least(wanted, observer[use], rows[use], level[use], *box)
         speed, side = np.hypot(chosen[:, 0], chosen[:, 1]), np.arctan2(chosen[:, 1], chosen[:, 0])
         u = np.stack([speed, side / response, chosen[:, 2]], axis=-1)
         u = np.where(left[:, None], np.clip(u, problem.lower, problem.upper), problem.clipped)
