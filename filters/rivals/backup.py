@@ -79,7 +79,7 @@ class BackupFilter:
     """
 
     def __init__(
-        self, model: Model, blending: Blending = "regulation", beta: float = 0.3, alpha: float = 2.0
+        self, model: Model, blending: Blending = "interpolated", beta: float = 0.3, alpha: float = 2.0
     ) -> None:
         if blending not in get_args(Blending):
             raise ValueError(f"blending is one of {', '.join(get_args(Blending))}, not {blending!r}")

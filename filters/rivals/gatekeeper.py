@@ -53,7 +53,7 @@ class GatekeeperFilter:
     Raises   ValueError unless the horizon is a period and more
     """
 
-    def __init__(self, model: Model, horizon: float = 1.0) -> None:
+    def __init__(self, model: Model, horizon: float = 2.0) -> None:
         dt = model.flow.dt
         if not (np.isfinite(horizon) and horizon >= dt - 1e-12):
             raise ValueError(

@@ -55,9 +55,9 @@ class RecedingHorizonFilter:
     def __init__(
         self,
         model: Model,
-        blocks: int = 3,
-        block_s: float = 1.0,
-        later: float = 0.01,
+        blocks: int = 2,
+        block_s: float = 0.5,
+        later: float = 1e-4,
         kappa: float = 0.5,
     ) -> None:
         dt = model.flow.dt
