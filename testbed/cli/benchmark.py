@@ -25,6 +25,10 @@ def benchmark(
     minutes: Annotated[
         float | None, typer.Option("--minutes", help="stop after so long; the same command goes on")
     ] = None,
+    search: Annotated[
+        int | None,
+        typer.Option("--search", help="try the file's candidates first, on so many encounters of each set"),
+    ] = None,
     workers: WorkersOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -33,11 +37,19 @@ def benchmark(
     All filters fly the same encounters. Interrupted, the same command goes on. No ranking is claimed that
     exact paired tests, counted together, do not carry.
     """
+    from testbed.studies.benchmark.search import search as try_all
     from testbed.studies.benchmark.study import benchmark as fly
 
-    if n is not None and n < 1:
-        raise UserError(f"--n {n}: give at least 1")
+    for name, value in (("--n", n), ("--search", search)):
+        if value is not None and value < 1:
+            raise UserError(f"{name} {value}: give at least 1")
+    if n is not None and search is not None:
+        raise UserError("--n and --search: a search has its own number; give one of the two")
     if minutes is not None and not minutes > 0:
         raise UserError(f"--minutes {minutes:g}: give more than 0")
-    where = out or Path("runs") / Path(file).stem
+    stem = Path(file).stem
+    where = out or Path("runs") / (stem if search is None else f"{stem}-search")
+    if search is not None:
+        show_study(try_all(file, where, search, workers, minutes), as_json)
+        return
     show_study(fly(file, where, workers, n, minutes), as_json)

@@ -79,6 +79,9 @@ class Benchmark(Section):
     without: str = Field(default="", description="the filter that does nothing, for risk ratios")
     set: dict[str, Any] = Field(default={}, description="fields of every run")
     filters: dict[str, dict[str, Any]] = Field(description="name -> fields; filter.kind at least")
+    candidates: dict[str, list[dict[str, Any]]] = Field(
+        default={}, description="filter -> settings that --search tries beside those of [filters]"
+    )
     plants: dict[str, dict[str, Any]] = Field(description="name -> fields; plant at least")
     sets: dict[str, EncounterSet]
 
@@ -87,7 +90,9 @@ class Benchmark(Section):
         for name, of in (("filters", self.filters), ("plants", self.plants), ("sets", self.sets)):
             if not of:
                 raise ValueError(f"{name}: give at least one")
-        for field, said in (("reference", self.reference), ("without", self.without)):
+        named = [("reference", self.reference), ("without", self.without)]
+        named += [("candidates", name) for name in self.candidates]
+        for field, said in named:
             if said and said not in self.filters:
                 raise ValueError(f"{field}: no filter {short(said)!r}; {nearest(said, self.filters)}")
         runs = len(self.filters) * len(self.plants) * sum(s.n for s in self.sets.values())

@@ -38,6 +38,9 @@ def part(folder: Path, title: str) -> Part:
     data = json_of(folder / MARK)
     b = data["benchmark"]
     sure = [c for c in data["comparisons"] if c["sure"]]
+    if not data["complete"]:
+        said = f"{data['runs']} of {data['of']} runs are flown; the same command goes on"
+        return Part(f"benchmark {b['name']}", b["description"], OPEN, "The benchmark is not finished", [said])
     return Part(
         title=f"benchmark {b['name']}",
         what=f"{data['runs']} runs: {len(b['filters'])} filters on {len(b['plants'])} plants in"

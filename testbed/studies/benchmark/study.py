@@ -94,13 +94,13 @@ def _written(made: Plan, journal: Journal, out: Path, done: bool) -> Found:
         "versions": versions(),
         "airframes": made.airframes,
     }
-    pd.DataFrame(flown).to_csv(out / "runs.csv", index=False)
-    pd.DataFrame(found).to_csv(out / "cells.csv", index=False)
-    figures.loss(pooled, out)
     write_json(out / MARK, plain(data))
     if done:
         from testbed.studies.benchmark.page import part
 
+        pd.DataFrame(flown).to_csv(out / "runs.csv", index=False)
+        pd.DataFrame(found).to_csv(out / "cells.csv", index=False)
+        figures.loss(pooled, out)
         attach(out, out.name, part)
     return Found(out, f"{b.name}: {len(flown)} of {total} runs", _printed(pooled), _lines(data, out), data)
 
