@@ -1,6 +1,6 @@
 """Writes docs/guide/field.md from a folder of `testbed benchmark field` and one of its search.
 
-testbed benchmark field --search 10 --out runs/field-search
+testbed benchmark field --search 4 --out runs/field-search
 testbed benchmark field --out runs/field
 python docs/field_page.py runs/field runs/field-search
 """
@@ -24,9 +24,9 @@ stands in [benchmarks](benchmark.md). Every cell is a row of [data/field/cells.c
 Encounters of the first four sets come from small files of our own making, one in each format that
 [`testbed encounters import`](encounters.md) reads, perturbed from a seed: an aircraft that crosses and climbs
 (`crossing`, NASA DAIDALUS), two that converge along legs (`converging`, BlueSky), one that turns across the
-own path (`turning`, a trajectory table in feet and knots), and an overtaking (`overtaking`, CSV). `meeting`
-is generated: head-on and crossing in turn, with misses of up to 80 m. In `twenty`, twenty vehicles cross a
-square of 0.33 km² on courses drawn evenly. All vehicles fly under the filter.
+own path or passes it (`turning`, a trajectory table in feet and knots, misses of up to 60 m), and an
+overtaking (`overtaking`, CSV). In `twenty`, twenty vehicles cross a square of 0.2 km² on courses drawn
+evenly. All vehicles fly under the filter.
 """
 
 

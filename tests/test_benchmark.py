@@ -96,7 +96,7 @@ def test_a_perturbed_encounter_keeps_the_others_paths_and_moves_them() -> None:
     assert np.arctan2(along[1], along[0]) == pytest.approx(np.angle(np.exp(1j * other.course)), abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["crossing", "converging", "turning", "overtaking", "meeting"])
+@pytest.mark.parametrize("name", ["crossing", "converging", "turning", "overtaking"])
 def test_two_of_every_set_meet_and_start_safe(name: str) -> None:
     from testbed.encounters.encounter import Aircraft
     from testbed.scenario.scenario import parse
@@ -110,7 +110,7 @@ def test_two_of_every_set_meet_and_start_safe(name: str) -> None:
     assert len({json.dumps(m.data["vehicle"]) for m in found}) == 6
     for m in found:
         s = parse(m.data)
-        assert 15 <= s.duration_s <= 30
+        assert 12 <= s.duration_s <= 25
         each = [
             Aircraft("", np.array([[0.0, v.x_m, v.y_m, v.z_m]]), np.radians(v.course_deg), v.speed_mps)
             for v in s.vehicle

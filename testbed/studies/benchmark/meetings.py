@@ -118,11 +118,16 @@ def _ended(e: Encounter, of: EncounterSet) -> Encounter:
     own, *others = e.aircraft
     if of.generate and len(others) > 1:
         ways = [np.linalg.norm(a.goal - a.start) / a.speed for a in e.aircraft if a.goal is not None]
-        return replace(e, end=float(max(ways)) + of.slack_s)
+        return replace(e, end=_half_seconds(float(max(ways)) + of.slack_s))
     reach = max(_meets(own, a) for a in others) + of.reach_s
-    end = reach + of.slack_s
+    end = _half_seconds(reach + of.slack_s)
     to_goals = bool(of.generate) or of.own == "goal"
     return replace(e, aircraft=tuple(_cut(a, reach if to_goals else end) for a in e.aircraft), end=end)
+
+
+def _half_seconds(t: float) -> float:
+    """The next multiple of 0.5 s, which is one of every usual filter period too."""
+    return 0.5 * math.ceil(2.0 * t - 1e-9)
 
 
 def _cut(a: Aircraft, reach: float) -> Aircraft:
