@@ -187,11 +187,13 @@ class View:
     known  bool, (N,): who is known to the others, and knows of them; or (N, N): whom each observer knows,
            itself included. None: everybody is known. The pose of one who is not known is a finite number
            without meaning, which a filter must not use
+    age    (N, N) s: how long ago each vehicle sent what an observer has of it; None: nothing is late
     """
 
     state: State
     rates: Command
     known: NDArray[np.bool_] | None = None
+    age: Array | None = None
 
     @property
     def shared(self) -> bool:
@@ -214,7 +216,7 @@ class View:
 
     def altered(self, state: State, rates: Command) -> View:
         """The same vehicles known, with other poses and rates."""
-        return View(state, rates, self.known)
+        return View(state, rates, self.known, self.age)
 
     def knows(self, observer: NDArray[np.intp], vehicle: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Whether each observer knows of each vehicle, both from 0 and of one shape."""

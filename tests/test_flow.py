@@ -416,13 +416,6 @@ def test_what_it_cannot_take_is_refused(fields: dict[str, object], said: str) ->
         encounter(**fields)
 
 
-@pytest.mark.parametrize("name, value", [("latency_s", 0.1), ("loss", 0.2)])
-def test_late_and_lost_packets_are_refused(name: str, value: float) -> None:
-    """It knows what each knows of itself, which over such a link nobody does."""
-    with pytest.raises(testbed.UserError, match=f"network.{name}: the filter 'flow' needs poses"):
-        testbed.run(encounter(**{f"network.{name}": value, "duration_s": 0.1}))
-
-
 def test_a_barrier_without_a_circle_is_refused() -> None:
     straight = load("paper-2-straight", ['filter.kind="flow"', 'plant="lagged"'])
     with pytest.raises(testbed.UserError, match="one turn rate for all, not zero"):

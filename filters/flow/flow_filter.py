@@ -8,6 +8,7 @@ a state with clearance >= 0, the model's clearance stays >= 0; see docs/guide/fl
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Literal
 
 import numpy as np
@@ -21,9 +22,10 @@ from filters.flow.channels import Channels, Lag
 from filters.flow.choice import TOLERANCE_M, Ending, Wanted, choose
 from filters.flow.phases import Phases
 from filters.flow.posed import Posed
-from filters.flow.reach import furthest
-from filters.flow.rollout import Flow
-from filters.flow.separation import Kept, rows, samples
+from filters.flow.reach import Reach, furthest
+from filters.flow.received import Received
+from filters.flow.rollout import Flow, Paths
+from filters.flow.separation import Kept, Rows, Samples, rows, samples
 from filters.model import Array, Command, Limits, View
 from filters.qp.single import Status
 
@@ -94,6 +96,8 @@ class FlowFilter:
         self.record = MonitorRecord(checks=flow_checks(), numbers=dict(said or {}))
         self.endings = np.zeros(len(Ending), dtype=int)
         self._pairs = np.triu_indices(len(gamma), 1)
+        self._every = np.arange(len(gamma))
+        self._received = Received(flow)
         self._before: Array | None = None
         self._clear = np.full((len(gamma), len(gamma)), np.nan)
 
@@ -128,8 +132,12 @@ class FlowFilter:
         moves = furthest(begun, covered[0], covered[1], covered[2], self.circle is not None)
         turned = self._turn * (self.record.steps + begun.times.size)
         kept = Kept(self.level, self.kappa, self.phases, turned, self.circle, self.record.steps)
-        found = samples(base, *self._seen(view), kept, moves)
-        made = rows(found, kept, moves)
+        if view.age is None:
+            found = true = samples(base, *self._seen(view), kept, moves)
+            made = rows(found, kept, moves)
+        else:
+            true = samples(base, *self._seen(view), kept, moves.still(self._every))
+            found, made = self._by_packets(view, base, kept, moves)
         u, ending = wanted.clipped, np.full(n, int(Ending.NOMINAL))
         moved = made.displacement(wish, base)
         breaks = np.zeros(n, dtype=bool)
@@ -142,12 +150,14 @@ class FlowFilter:
                 posed, wanted.of(broken), covered[:, broken], moved[mine]
             )
         clear = np.full((n, n), np.nan)
-        clear[found.i, found.j] = found.least - self.level
+        clear[true.i, true.j] = true.least - self.level
         self._clear = clear
         self._note(clear, ending)
         self._belief.told(u)
-        nearest = np.fmin(np.fmin.reduce(clear, axis=0), np.fmin.reduce(clear, axis=1))
-        short = np.fmax(-nearest, 0.0)
+        short = np.zeros(n)
+        for who in (found.i, found.j):
+            there = who < n
+            np.maximum.at(short, who[there], self.level - found.least[there])
         status = np.full(n, int(Status.SOLVED))
         status[(short > 0) & (ending == Ending.EVADING)] = int(Status.INFEASIBLE)
         return Problem(target, lower, upper).decision(u, status, short, None, np.zeros(0))
@@ -171,6 +181,24 @@ class FlowFilter:
         step = np.where(np.abs(step) > _STEP, step, np.inf)
         slope = (posed.rows.displacement(tried, posed.gamma) / step.T[:, posed.rows.vehicle]).T
         return choose(wanted, posed, slope, moved)
+
+    def _by_packets(self, view: View, base: Paths, kept: Kept, moves: Reach) -> tuple[Samples, Rows]:
+        """Samples and rows of each vehicle against all that it has heard of, where their packets put them.
+
+        Numbers from N on in them are others as one of the vehicles expects them, which no row is of.
+        """
+        assert view.age is not None
+        n = len(base.centre)
+        i, j = np.nonzero(~np.eye(n, dtype=bool))
+        heard = view.knows(i, j)
+        i, j = i[heard], j[heard]
+        others = self._received.images(base, i, j, view.age)
+        both = Paths(
+            *(np.concatenate([getattr(base, x.name), getattr(others, x.name)]) for x in fields(Paths))
+        )
+        reach = moves.with_still(j)
+        found = samples(both, i, n + np.arange(j.size), kept, reach)
+        return found, rows(found, kept, reach)
 
     def _scale(self, lower: Array, upper: Array) -> Array:
         ranges = upper - lower

@@ -13,7 +13,7 @@ period's mean course, for which a period's way times delta is added.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -65,6 +65,24 @@ class Reach:
         most += np.maximum(self.down.take(k) * climb, self.up.take(k) * -climb)
         most += self.rest.take(k)
         return most
+
+    def still(self, vehicles: Indices) -> Reach:
+        """Of vehicles (P,) of which nothing is asked. What their circles may change stays."""
+        none = np.zeros((vehicles.size, self.rest.shape[1]))
+        at = none[:, : self.at.shape[1]]
+        start, centre, arm = self.start[vehicles], self.centre[vehicles], self.arm[vehicles]
+        begun = None if self.begun is None else at
+        return Reach(at, centre, arm, none[:, 0], start, none, none, none, none, none, begun)
+
+    def with_still(self, vehicles: Indices) -> Reach:
+        """These vehicles, and after them as many of which nothing is asked."""
+        other = self.still(vehicles)
+        joined = {
+            f.name: np.concatenate([getattr(self, f.name), getattr(other, f.name)])
+            for f in fields(self)
+            if getattr(self, f.name) is not None
+        }
+        return Reach(**joined)
 
 
 def furthest(begun: Begun, gamma: Array, lower: Array, upper: Array, circles: bool = False) -> Reach:

@@ -125,10 +125,6 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
     for what, there in (("fences", bool(s.fence)), ("intruders", bool(fleet.intruders(s)))):
         if there:
             raise UserError(f"filter.kind: 'flow' knows no {what}; 'centralised' and 'limited' do")
-    # It works on what each knows of itself: with a late or lost packet it would know more than a vehicle can.
-    for name in ("latency_s", "loss"):
-        if getattr(s.network, name):
-            raise UserError(f"network.{name}: the filter 'flow' needs poses and commands at once; set 0")
     gamma = b.manoeuvre(s.vehicles)
     if gamma is None:
         raise UserError("filter.kind: 'flow' needs one evading manoeuvre, and this barrier has none for all")

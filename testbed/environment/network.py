@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from filters.model import Array, View, step
-from testbed.environment.sensing import knowing, pack, unpack
+from testbed.environment.sensing import pack, unpack
 
 Stale = Literal["hold", "extrapolate-lost", "extrapolate"]
 
@@ -48,7 +48,13 @@ class Network:
 
         To be called once at every filter step. Who is known is not delayed.
         """
-        return knowing(self._heard_of(view), view)
+        made = self._heard_of(view)
+        return View(made.state, made.rates, view.known, None if made.shared else self._age())
+
+    def _age(self) -> Array:
+        """(N, N) s: how long ago each vehicle sent what an observer has of it."""
+        lost = self._lost_for if self.loss else np.zeros((self.vehicles, self.vehicles))
+        return np.asarray(np.where(np.eye(self.vehicles, dtype=bool), 0.0, self.latency + lost * self.dt))
 
     def _heard_of(self, view: View) -> View:
         """The poses and rates that `__call__` returns."""

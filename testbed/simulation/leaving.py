@@ -39,9 +39,9 @@ class Leaving:
             return view
         here = ~self.gone
         if view.known is None:
-            return View(view.state, view.rates, here)
+            return View(view.state, view.rates, here, view.age)
         both = here if view.known.ndim == 1 else here[:, None] & here
-        return View(view.state, view.rates, view.known & both)
+        return View(view.state, view.rates, view.known & both, view.age)
 
     def well(self, faults: list[str]) -> list[str]:
         """The faults without those of who has left: they end nothing any more."""

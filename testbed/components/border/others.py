@@ -261,4 +261,5 @@ class OwnEnvironment:
             contract.state("observe().state", found.state, shape),
             contract.command("observe().rates", found.rates, shape),
             known,
+            None if found.age is None else contract.array("observe().age", found.age, (n, n)),
         )
