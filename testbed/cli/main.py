@@ -20,6 +20,7 @@ from testbed.cli import (
     figures,
     ledger,
     margin,
+    measures,
     rare,
     regress,
     remaking,
@@ -101,6 +102,7 @@ _add("tune", tune.tune, tune.TUNE_EXAMPLES, "Score, sweep or optimise an airfram
 _add("report", cli_report.report, cli_report.EXAMPLE, "Write one HTML page of what other commands wrote.")
 _add("export", export.export, export.EXAMPLE, "Convert a run for Tacview, or to CSV.")
 _add("ledger", ledger.ledger, ledger.EXAMPLE, "Compare predicted and realised hdot of a run.")
+_add("measures", measures.measures, measures.EXAMPLES, "Measure runs as safety cases do; risk ratios.")
 app.add_typer(encounters.app, name="encounters")
 _add("benchmark", benchmark.benchmark, benchmark.EXAMPLES, "Compare filters in sets of encounters.")
 app.add_typer(regress.app, name="regress")
