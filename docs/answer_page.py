@@ -15,7 +15,18 @@ from typing import TYPE_CHECKING
 
 from testbed.studies.answer.answer import markdown
 from testbed.studies.answer.cells import COLUMNS, Cell
-from testbed.studies.answer.design import DESIGN, FLOW, LAGS, NONE, RANGE, SMOOTHED, Block
+from testbed.studies.answer.design import (
+    DESIGN,
+    EVADING,
+    FASTER,
+    FLOW,
+    KEPT,
+    LAGS,
+    NONE,
+    RANGE,
+    SMOOTHED,
+    Block,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,12 +45,12 @@ FIRST = (
     Cell("x8", 20, "swap", "calm", NONE, "straight"),
     Cell("x8", 20, "swap", "calm", RANGE, "straight"),
     Cell("rascal", 20, "swap", "calm", RANGE, "straight"),
-    *(Cell(a, 20, "swap", air, FLOW, "layers") for a in ("x8", "rascal") for air in ("calm", "windy")),
-    Cell("x8", 20, "swap", "calm", FLOW, "roundabout"),
-    Cell("x8", 50, "swap", "calm", FLOW, "roundabout"),
+    *(Cell(a, 20, "swap", air, KEPT, EVADING) for a in ("x8", "rascal") for air in ("calm", "windy")),
+    Cell("x8", 20, "swap", "calm", FASTER, "roundabout"),
+    Cell("x8", 50, "swap", "calm", FASTER, "roundabout"),
     Cell("unicycle", 20, "random", "calm", SMOOTHED, "straight"),
-    Cell("x8", 20, "random", "calm", FLOW, "layers"),
-    Cell("rascal", 20, "random", "calm", FLOW, "layers"),
+    Cell("x8", 20, "random", "calm", KEPT, EVADING),
+    Cell("rascal", 20, "random", "calm", KEPT, EVADING),
 )
 SHORT = "| fleet | remedy; guidance | runs that lose Ds | 95 % | runs with h < 0 | vehicles that arrive |"
 

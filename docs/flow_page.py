@@ -14,7 +14,7 @@ import pandas as pd
 from testbed.statistics import rate
 from testbed.studies.answer.answer import markdown, table
 from testbed.studies.answer.cells import COLUMNS, Cell
-from testbed.studies.answer.design import FLOW, RANGE, SMOOTHED
+from testbed.studies.answer.design import EVADING, FASTER, KEPT, RANGE, SMOOTHED
 
 GUIDE = Path(__file__).parent / "guide"
 PAGE = GUIDE / "flow-measured.md"
@@ -23,11 +23,11 @@ TITLES = {
     "pairs": "Two X8s in JSBSim, 30 s, m = 2 m",
 }
 BOTH, D_SAFE_M = ("x8", "rascal"), 5.0
-LAYERS = [Cell(a, 20, "swap", air, FLOW, "layers") for a in BOTH for air in ("calm", "windy")]
+LAYERS = [Cell(a, 20, "swap", air, KEPT, EVADING) for a in BOTH for air in ("calm", "windy")]
 WEIGHTED = [Cell(a, 20, "swap", "calm", RANGE, "straight") for a in BOTH]
-RANDOM = [Cell(a, 20, "random", "calm", FLOW, "layers") for a in BOTH]
+RANDOM = [Cell(a, 20, "random", "calm", KEPT, EVADING) for a in BOTH]
 UNICYCLES = Cell("unicycle", 20, "random", "calm", SMOOTHED, "straight")
-RINGS = [Cell("x8", n, "swap", "calm", FLOW, "roundabout") for n in (20, 50)]
+RINGS = [Cell("x8", n, "swap", "calm", FASTER, "roundabout") for n in (20, 50)]
 FLEETS = [*WEIGHTED, *LAYERS, *RINGS, *RANDOM, UNICYCLES]
 HEAD = (
     "case", "runs", "lost", "95 % [%]", "least distance [m]", "least h [m]",

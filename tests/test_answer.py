@@ -30,7 +30,9 @@ def test_a_cell_of_each_block_flies_what_its_name_says(cell: Cell) -> None:
     s = scenario(cell)
     assert s.vehicles == cell.number and (s.plant == "unicycle") == (cell.vehicle == "unicycle")
     assert s.plant == "unicycle" or s.airframes == [cell.vehicle]
-    assert {"straight": "near-identity"}.get(cell.guidance, cell.guidance) == s.guidance.kind
+    kinds = {"straight": "near-identity", "evading layers": "layers"}
+    assert kinds.get(cell.guidance, cell.guidance) == s.guidance.kind
+    assert getattr(s.guidance, "evading", False) == (cell.guidance == "evading layers")
     patterns = {"swap": "circle", "streams": "streams", "random": "random-goals"}
     assert s.start.pattern == patterns[cell.mission]
     assert (s.filter.kind == "flow") == cell.remedy.startswith("flow")

@@ -53,6 +53,13 @@ REMEDIES: dict[str, Fields] = {
     "lags, +4 m, smoothed": _LAGS_4,
     "lags, +4 m, smoothed, range cost": _LAGS_4 | {"filter.cost": "range"},
     "flow, +2 m": {"filter.kind": "flow", "filter.margin_m": 2.0},
+    "flow, +2 m, h kept": {
+        "filter.kind": "flow",
+        "filter.margin_m": 2.0,
+        "filter.h_margin_m": 1.5,
+        "filter.kappa": 0.5,
+    },
+    "flow, +2 m, kappa 0.5": {"filter.kind": "flow", "filter.margin_m": 2.0, "filter.kappa": 0.5},
     "lags, +1 m, smoothed, alpha 0.3 h": {
         "remedy.predict_lags": True,
         "remedy.ds_buffer_m": 1.0,
@@ -65,12 +72,21 @@ REMEDIES: dict[str, Fields] = {
 GUIDANCE: dict[str, Fields] = {
     "straight": {},
     "layers": {"guidance.kind": "layers"},
+    # Steeper, an aircraft that descends cannot slow down as fast as it was identified to in level flight.
+    "evading layers": {
+        "guidance.kind": "layers",
+        "guidance.evading": True,
+        "guidance.goal_offset_m": 12.0,
+        "limits.zeta_max_mps": 2.0,
+    },
     "roundabout": {"guidance.kind": "roundabout"},
 }
 # What a unicycle has no use for: it has no lags.
-OF_AIRCRAFT = tuple(
-    name for name, f in REMEDIES.items() if "remedy.predict_lags" in f or f.get("filter.kind") == "flow"
-)
+FLOWS = tuple(name for name, fields in REMEDIES.items() if fields.get("filter.kind") == "flow")
+OF_AIRCRAFT = (*FLOWS, *(name for name, fields in REMEDIES.items() if "remedy.predict_lags" in fields))
+# In wind the flow filter's evading turn must be flyable (F3 of flow.md): at least 12.5 m/s of airspeed, 5 m/s
+# of wind, 1 m/s of gusts.
+FLYABLE: Fields = {"barrier.v_mps": 19.0}
 
 
 class Cell(NamedTuple):
@@ -148,6 +164,8 @@ def scenario(cell: Cell, changes: Sequence[str] = ()) -> Scenario:
     aircraft: Fields = {"plant": "unicycle"}
     if cell.vehicle != UNICYCLE:
         aircraft = {"plant": "jsbsim", "airframes": [cell.vehicle]} | WEATHER[cell.weather]
+        if cell.remedy in FLOWS and cell.weather == "windy":
+            aircraft |= FLYABLE
     return changed(base, aircraft | GUIDANCE[cell.guidance] | REMEDIES[cell.remedy])
 
 
