@@ -63,11 +63,16 @@ class Plan:
         """The name of a run: of everything that its row depends on."""
         return content_id([flight.data, flight.fields, self.code, self.airframes])
 
+    @property
+    def size(self) -> int:
+        """How many runs there are."""
+        return sum(self.benchmark.encounters(c.filter, c.set) for c in self.cells)
+
     def flights(self) -> Iterator[Flight]:
         """Encounter by encounter over all cells: a benchmark cut short has compared like with like."""
         for k in range(max(len(of) for of in self.sets.values())):
             for cell in self.cells:
-                if k < len(self.sets[cell.set]):
+                if k < self.benchmark.encounters(cell.filter, cell.set):
                     yield self.flight(cell, k)
 
 

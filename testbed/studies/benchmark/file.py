@@ -82,6 +82,9 @@ class Benchmark(Section):
     candidates: dict[str, list[dict[str, Any]]] = Field(
         default={}, description="filter -> settings that --search tries beside those of [filters]"
     )
+    share: dict[str, Annotated[float, Field(gt=0, le=1)]] = Field(
+        default={}, description="filter -> share of each set's encounters that it flies, where a step is dear"
+    )
     plants: dict[str, dict[str, Any]] = Field(description="name -> fields; plant at least")
     sets: dict[str, EncounterSet]
 
@@ -92,6 +95,7 @@ class Benchmark(Section):
                 raise ValueError(f"{name}: give at least one")
         named = [("reference", self.reference), ("without", self.without)]
         named += [("candidates", name) for name in self.candidates]
+        named += [("share", name) for name in self.share]
         for field, said in named:
             if said and said not in self.filters:
                 raise ValueError(f"{field}: no filter {short(said)!r}; {nearest(said, self.filters)}")
@@ -99,6 +103,10 @@ class Benchmark(Section):
         if runs > MOST_RUNS:
             raise ValueError(f"sets: {runs} runs are more than {MOST_RUNS}; give a smaller n")
         return self
+
+    def encounters(self, filter_: str, set_: str) -> int:
+        """How many encounters of a set a filter flies: the first ones."""
+        return max(1, round(self.share.get(filter_, 1.0) * self.sets[set_].n))
 
     @property
     def first(self) -> str:

@@ -33,7 +33,13 @@ def tried(b: Benchmark, n: int) -> Benchmark:
         raise UserError(f"{b.name}: has no [candidates] to search among")
     last = list(b.plants)[-1]
     sets = {name: s for name, s in b.sets.items() if not s.generate or s.vehicles == 2}
-    changed = {"filters": filters, "plants": {last: b.plants[last]}, "sets": sets, "candidates": {}}
+    changed = {
+        "filters": filters,
+        "plants": {last: b.plants[last]},
+        "sets": sets,
+        "candidates": {},
+        "share": {},
+    }
     changed |= {"seed": b.seed + SEEDS_APART, "reference": "", "without": ""}
     return shortened(b.model_copy(update=changed), n)
 

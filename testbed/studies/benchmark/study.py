@@ -69,7 +69,7 @@ def _written(made: Plan, journal: Journal, out: Path, done: bool) -> Found:
 
     b, flown = made.benchmark, rows(made, journal)
     vehicles = {name: len(of[0].data["vehicle"]) for name, of in made.sets.items()}
-    total = sum(len(of) for of in made.sets.values()) * len(b.plants) * len(b.filters)
+    total = made.size
     if not flown:
         raise UserError(f"{out}: no run ended in the time given; give more --minutes")
     found = table.cells(flown, b.without)
