@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -69,7 +70,7 @@ def flow_claims(rows: Rows) -> Iterator[Finding]:
     if not names:
         return
     why = _unknown(rows)
-    known = lags(run.scenario)
+    known = _lags(rows.s)
     if not why and known is None:
         why = "the lags of the model are not to be found"
     least = None if why or known is None else _clearances(run, Lagging.of(known))
@@ -80,6 +81,13 @@ def flow_claims(rows: Rows) -> Iterator[Finding]:
             yield judge.done("unknown", None, True, why)
         else:
             yield _judged(run, judge, least)
+
+
+def _lags(s: dict[str, Any]) -> Array | None:
+    """Of the filter's model; those of rivals are none on a unicycle, unless a table says some."""
+    if s["plant"] == "unicycle" and s["lags"]["source"] == "airframe" and s["filter"]["kind"] != "flow":
+        return np.tile([0.0, 0.0, np.inf, np.inf], (s["vehicles"], 3, 1))
+    return lags(s)
 
 
 def _unknown(rows: Rows) -> str:
