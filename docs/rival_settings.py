@@ -37,14 +37,17 @@ BUFFERS = [0.0, 0.5]
 GRIDS: dict[str, list[dict[str, list[Any]]]] = {
     "none": [{}],
     "centralised": [
-        {"filter.cost": ["raw", "range"], "alpha.coefficient": [0.1, 1.0], "remedy.ds_buffer_m": BUFFERS}
+        {"filter.cost": ["raw", "range"], "alpha.coefficient": [0.1, 1.0], "remedy.ds_buffer_m": [0.5]},
+        {"alpha.coefficient": [1.0], "remedy.ds_buffer_m": [0.0]},
     ],
     "flow": [{"filter.margin_m": [0.0, 0.5, 2.0], "filter.kappa": [0.1, 0.5]}],
     "collision-cone": [
-        {"filter.decay_per_s": [1.0, 3.0], "filter.range_m": [150.0, 400.0], "remedy.ds_buffer_m": BUFFERS}
+        {"filter.decay_per_s": [1.0, 3.0], "remedy.ds_buffer_m": BUFFERS},
+        {"filter.range_m": [400.0], "remedy.ds_buffer_m": [0.5]},
     ],
     "optimal-decay": [
-        {"filter.decay_weight": [0.01, 1.0], "alpha.coefficient": [0.1, 1.0], "remedy.ds_buffer_m": BUFFERS}
+        {"filter.decay_weight": [0.01, 1.0], "alpha.coefficient": [0.1, 1.0], "remedy.ds_buffer_m": [0.5]},
+        {"alpha.coefficient": [1.0], "remedy.ds_buffer_m": [0.0]},
     ],
     "velocity-obstacles": [
         {"filter.horizon_s": [5.0, 10.0], "filter.response_s": [1.0, 2.0], "remedy.ds_buffer_m": BUFFERS},
