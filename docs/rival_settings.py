@@ -53,9 +53,12 @@ GRIDS: dict[str, list[dict[str, list[Any]]]] = {
         {"filter.horizon_s": [5.0, 10.0], "filter.response_s": [1.0, 2.0], "remedy.ds_buffer_m": BUFFERS},
         {"filter.space": ["full"], "remedy.ds_buffer_m": [0.5]},
     ],
-    "backup": [{"filter.beta_per_m": [0.1, 0.3, 1.0], "filter.margin_m": [0.0, 0.5]}],
-    "gatekeeper": [{"filter.horizon_s": [0.5, 1.0, 2.0], "filter.margin_m": [0.0, 0.5]}],
-    "receding-horizon": [{"filter.kappa": [0.2, 0.5], "filter.margin_m": [0.0, 0.5]}],
+    "backup": [
+        {"filter.alpha_per_s": [1.0, 2.0, 5.0], "filter.margin_m": [0.2, 0.5]},
+        {"filter.blending": ["regulation"], "filter.beta_per_m": [0.1, 0.3], "filter.margin_m": [0.2]},
+    ],
+    "gatekeeper": [{"filter.horizon_s": [0.5, 2.0], "filter.margin_m": [0.2, 0.5]}],
+    "receding-horizon": [{"filter.kappa": [0.2, 0.5], "filter.margin_m": [0.2, 0.5]}],
 }
 RESULTS = ("lost", "late", "altered")
 COLUMNS = ("setting", "best", "n", *(f"{what}_{plant}" for plant in PLANTS for what in RESULTS))
