@@ -16,6 +16,7 @@ from filters.constraints import Indices, dot, taken
 from filters.flow.posed import Posed
 from filters.flow.separation import Rows
 from filters.model import Array
+from filters.qp.active_set import attempt_each
 from filters.qp.batch import solve_each
 
 # Shares of the way from gamma to the QP's solution, tried in turn; the last always keeps every row.
@@ -141,14 +142,31 @@ def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array, some: Indices
     scale = wanted.scale
     scaled = slope * taken(scale, vehicle)
     box = wanted.target / scale, wanted.lower / scale, wanted.upper / scale
-    evading, u = wanted.gamma / scale, wanted.clipped
+    norm = np.sqrt(dot(scaled, scaled))
+    norm[norm == 0.0] = 1.0
+    unit, unit_level = scaled / norm[:, None], level / norm
+
+    def checked(use: Indices) -> Array:
+        """The inputs of the vehicles with rows `use`; of others their targets."""
+        found, _ = solve_each(
+            box[0],
+            vehicle[use],
+            taken(scaled, use),
+            level[use],
+            box[1],
+            box[2],
+            fallback=wanted.gamma / scale,
+        )
+        return np.minimum(np.maximum(found * scale, wanted.lower), wanted.upper)
+
+    u, sure = wanted.clipped, np.ones(len(scale), dtype=bool)
     kept = np.zeros(some.size, dtype=bool)
     # Rows of vehicles that are not at rest yet: their places, vehicles, groups, slopes and levels.
     now: Indices = np.arange(some.size)
-    mine, who, along, need = vehicle, group, slope, level
+    mine, group_of, along, need = vehicle, group, slope, level
     for _ in range(_ROUNDS):
         short = need - dot(along, taken(u, mine))
-        new = _worst(who, short, (short > _CHANGED) & ~kept[now])
+        new = _worst(group_of, short, (short > _CHANGED) & ~kept[now])
         if not new.size:
             break
         kept[now[new]] = True
@@ -156,15 +174,22 @@ def _solve(wanted: Wanted, rows: Rows, slope: Array, level: Array, some: Indices
         changed[mine[new]] = True
         still = np.flatnonzero(changed[mine])
         if still.size < now.size:
-            now, mine, who = now.take(still), mine.take(still), who.take(still)
+            now, mine, group_of = now.take(still), mine.take(still), group_of.take(still)
             need, along = need.take(still), taken(along, still)
         use = now[kept[now]]
-        found, _ = solve_each(
-            box[0], vehicle[use], taken(scaled, use), level[use], box[1], box[2], fallback=evading
+        # While rows are still added the solver's answers are taken as they are, and checked at the end.
+        count, who = np.bincount(vehicle[use], minlength=len(u)), np.flatnonzero(changed)
+        target, lower, upper = (x.take(who, axis=0) for x in box)
+        found, _, _, there = attempt_each(
+            target, count[who], unit.take(use, axis=0), unit_level[use], lower, upper
         )
-        found = np.minimum(np.maximum(found * scale, wanted.lower), wanted.upper)
-        u = np.where(changed[:, None], found, u)
-    return u
+        if there.all():
+            u, sure = u.copy(), sure & ~changed
+            u[who] = np.minimum(np.maximum(found * scale[who], wanted.lower[who]), wanted.upper[who])
+        else:
+            u, sure = np.where(changed[:, None], checked(use), u), sure | changed
+    last = np.flatnonzero(kept & ~sure[vehicle])
+    return np.where(sure[:, None], u, checked(last)) if last.size else u
 
 
 def _worst(group: Indices, short: Array, broken: NDArray[np.bool_]) -> Indices:

@@ -27,6 +27,7 @@ from filters.flow.received import Received
 from filters.flow.rollout import Flow, Paths
 from filters.flow.separation import Kept, Rows, Samples, rows, samples
 from filters.model import Array, Command, Limits, View
+from filters.qp.batch import solve_each
 from filters.qp.single import Status
 
 STEP_TOLERANCE_M = 20 * TOLERANCE_M
@@ -98,6 +99,9 @@ class FlowFilter:
         self._pairs = np.triu_indices(len(gamma), 1)
         self._every = np.arange(len(gamma))
         self._received = Received(flow)
+        # The first QP loads its solver, which takes 60 ms: not in a step.
+        one = np.ones((1, 3))
+        solve_each(0 * one, np.zeros(1, dtype=np.intp), one, one[0], -one, one)
         self._before: Array | None = None
         self._clear = np.full((len(gamma), len(gamma)), np.nan)
 

@@ -258,7 +258,8 @@ def rows(found: Samples, kept: Kept, reach: Reach) -> Rows:
         across = found.away.imag * out.real - found.away.real * out.imag
         far = reach.along(vehicle * places + place, sign * across, sign * found.up)
         some = np.flatnonzero(allowed < far)
-        for part, own in zip(parts, np.split(some, np.searchsorted(some, [first, split])), strict=True):
+        a, b = np.searchsorted(some, (first, split)).tolist()
+        for part, own in zip(parts, (some[:a], some[a:b], some[b:]), strict=True):
             part.append(own)
     # The transient's rows of both sides, then those of the circles that begin there, then the last circle's.
     sample = np.concatenate([own for part in parts for own in part])

@@ -69,7 +69,8 @@ def _models_lags(s: Contents) -> bool:
 
 def _late(s: Contents) -> bool:
     carried = s.network.stale == "extrapolate" and (s.network.latency_s or s.sensing.delay_s)
-    return bool(s.network.loss or carried)
+    # The flow filter carries on the flows that it has received, whatever the views say.
+    return bool(s.network.loss or carried) and s.filter.kind != "flow"
 
 
 def _every(s: Contents, field: str) -> bool:
@@ -208,7 +209,8 @@ RULES = (
     Rule(
         ("network.stale",),
         _late,
-        "nothing is late or lost; set network.loss, or with 'extrapolate' network.latency_s",
+        "nothing is late or lost, or the filter is 'flow'; set network.loss, or with 'extrapolate'"
+        " network.latency_s",
     ),
     Rule(
         ("barrier.gradient", "barrier.gradient_step"),
