@@ -76,7 +76,7 @@ def nearest(offset: Array, move: Array, cylinder: Cylinder) -> tuple[Array, Arra
     a = (across[0] ** 2).sum(axis=0) - up[0] ** 2
     b = 2.0 * (along - up[0] * up[1])
     c = square - up[1] ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         root = np.sqrt(b * b - 4.0 * a * c)
         both = -0.5 * (b + np.where(b < 0.0, -1.0, 1.0) * root)
         places = np.stack(
@@ -99,7 +99,7 @@ def inside(offset: Array, move: Array, cylinder: Cylinder) -> tuple[Array, Array
     c = (move[:2] ** 2).sum(axis=0)
     low, high = _between(a, b, c)
     height, climb = offset[2], move[2]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         first, last = (
             (side * np.sign(climb) * cylinder.half_height_m - height) / climb for side in (-1.0, 1.0)
         )
@@ -115,7 +115,7 @@ def _between(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
     """Where a + 2 b s + c s^2 < 0; low = 1 and high = 0 where nowhere. c >= 0."""
     room = b * b - a * c
     still = c == 0.0
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         root = np.sqrt(np.maximum(room, 0.0))
         low, high = (-b - root) / c, (-b + root) / c
     low, high = np.where(still, 0.0, low), np.where(still, 1.0, high)
