@@ -27,7 +27,7 @@ class Decision:
     residual        (N,) largest violation [m/s] over all rows of its QP the vehicle is in, dropped or not
     override        (N,) whether the filter changed the command beyond what the limits force
     deviation       (N,) |u - clip(u_hat)|_inf: what the filter changed beyond what the limits force
-    pairs           the filter's own h over all pairs, None if it has none
+    pairs           the filter's own h over all pairs, or those it had to look at; None if it has none
     hdot_predicted  (P,) L_g h u [m/s] of those pairs under the chosen commands
     """
 

@@ -28,6 +28,7 @@ from filters.barriers.pairs import (
     form_function,
     vehicle_of,
 )
+from filters.barriers.reach import Reach
 from filters.barriers.turn_kernel import clearance
 from filters.model import Array, Command, State
 
@@ -88,6 +89,13 @@ class TurnBarrier:
         check_count(n, sigma, "sigma")
         return Command(self.v * np.broadcast_to(sigma, n), np.full(n, self.omega), np.zeros(n))
 
+    def reach(self, n: int) -> Reach | None:
+        """How far away h of n vehicles matters; None in squared form, whose h changes without bound."""
+        if self.form != "root":
+            return None
+        loss = (2.0 + 2.0**0.5) * self.delta + self.smoothing
+        return Reach(np.array(np.broadcast_to(self._radius, n)), self.d_safe, loss)
+
     def values(self, state: State, i: Index | None = None, j: Index | None = None) -> PairValues:
         """h and gradient (see `Barrier.values`); at Z = 0, the kink, the subgradient that takes d|Z| = 0."""
         check_count(len(state), self._radius, "sigma")
@@ -142,12 +150,14 @@ class TurnBarrier:
         sides = found[:, 9:12], found[:, 12:]
         return PairValues(i, j, found[:, 0], found[:, 1:9], (state, sides))
 
-    def phasor(self, state: State) -> Array:
+    def phasor(self, state: State, i: Index | None = None, j: Index | None = None) -> Array:
         """Z of every pair i < j (..., P), complex, m^2: the kink of h is where it is 0, smoothing apart.
 
         state  (..., N)
+        i, j   (P,) some pairs instead of all
         """
-        i, j = all_pairs(len(state))
+        if i is None or j is None:
+            i, j = all_pairs(len(state))
         heading = np.exp(1j * state.theta)
         arm = self._radius * heading
         centre = state.x + 1j * state.y + 1j * arm

@@ -15,6 +15,7 @@ import numpy as np
 
 from filters.barriers.pairs import Barrier, PairValues, all_pairs
 from filters.barriers.per_pair import PerPair
+from filters.barriers.reach import Neighbours
 from filters.cbf.constraints import manoeuvres, observed_rows, observed_shares, own_rows, pair_rows, shares
 from filters.cbf.intruders import Intruders, released
 from filters.cbf.problem import Cost, Problem, input_set
@@ -53,6 +54,8 @@ class CollisionFilter:
     also     makers of constraints beside those of the pairs; centralised they see what each vehicle knows of
              itself, limited what one vehicle sees
     intruders  vehicles that are not under the filter and what is assumed of them; None: there are none
+    near     which pairs can bind, where that is known; None looks at all. The commands are the same, since
+             rows that no input can violate are in no QP; the decision has the values of those pairs alone
     A pair has a row if one of the two knows of the other (`View.known`); limited, the vehicle that does.
     Raises   ValueError for several barriers without `shared=False`, or an unknown mode or solver.
 
@@ -71,6 +74,7 @@ class CollisionFilter:
         also: Sequence[Maker] = (),
         intruders: Intruders | None = None,
         cost: Cost = "raw",
+        near: Neighbours | None = None,
     ) -> None:
         if isinstance(barrier, Sequence):
             if not barrier:
@@ -90,7 +94,7 @@ class CollisionFilter:
         self.cost: Cost = cost
         self.barrier: Barrier = barrier
         self.alpha, self.mode, self.margin, self.solver = alpha, mode, margin, solver
-        self.also, self.intruders = tuple(also), intruders
+        self.also, self.intruders, self.near = tuple(also), intruders, near
         self._gamma: dict[int, Array | None] = {}
 
     @property
@@ -142,7 +146,7 @@ class CollisionFilter:
             raised = blocks if self.margin is None else [rows.raised(self.margin) for rows in blocks]
             left = [rows.left(problem.clipped) for rows in blocks]
             if all([(have >= rows.rhs).all() for have, rows in zip(left, raised, strict=True)]):
-                return _as_wanted(problem, *over_all(pairs, left[0], n))
+                return _as_wanted(problem, *self._over_all(pairs, left[0], n))
             u, status, residual = problem.centralised(raised)
         elif view.shared and view.known is None:
             each = self.shares(blocks, n, self.margin)
@@ -155,7 +159,7 @@ class CollisionFilter:
             gamma, view = self.gamma(n), _one_by_one(view)
             own = self._observed(view, gamma)
             u, status, residual = problem.limited(own.raised(self.margin))
-        return problem.decision(u, status, residual, *over_all(pairs, blocks[0].left(u), n))
+        return problem.decision(u, status, residual, *self._over_all(pairs, blocks[0].left(u), n))
 
     def _beside(self, intruders: Intruders, view: View, nominal: Command, limits: Limits) -> Decision:
         """`__call__` where there are intruders, which fly what they want."""
@@ -175,6 +179,10 @@ class CollisionFilter:
         decision = problem.decision(u, status, residual, *over_all(pairs, hdot, n))
         return released(decision, nominal, limits, intruders.vehicles)
 
+    def _over_all(self, pairs: PairValues, hdot: Array, n: int) -> tuple[PairValues, Array]:
+        """As the decision has them: of the pairs looked at where only near ones are, else of all."""
+        return (pairs, hdot) if self.near is not None else over_all(pairs, hdot, n)
+
     def _observed(self, view: View, gamma: Array | None) -> Constraints:
         """Every vehicle's own rows from what it sees, without margin."""
         own = observed_rows(self.barrier, self.alpha, view, gamma, self.intruders)
@@ -186,7 +194,9 @@ class CollisionFilter:
     def _made(self, view: View) -> tuple[PairValues, tuple[Constraints, ...]]:
         """The values of all pairs, and the rows: theirs first, then those of `also`."""
         own = view.own()
-        if own.known is None:
+        if self.near is not None and own.known is None:
+            pairs = self.barrier.values(own.state, *self.near.pairs(own.state))
+        elif own.known is None:
             pairs = self.barrier.values(own.state)
         else:
             i, j = all_pairs(len(own.state))

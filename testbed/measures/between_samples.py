@@ -66,7 +66,12 @@ class ArcApproach:
 
     def __init__(self, i: Indices, j: Indices, enough: float) -> None:
         self._i, self._j, self._enough = i, j, enough
+        self._at = np.arange(len(i))
         self.least, self.possible = Extreme.of(len(i)), np.full(len(i), np.inf)
+
+    def take(self, i: Indices, j: Indices, at: Indices) -> None:
+        """Look at the pairs (i, j) from now on, which are number `at` of all."""
+        self._i, self._j, self._at = i, j, at
 
     def update(self, t: Array, start: State, flown: Command, chords: Array, fdm_dt: float) -> None:
         """Take in S filter periods that began at times `t` (S,).
@@ -81,21 +86,22 @@ class ArcApproach:
         most = bending.max(axis=0)
         low = chords.min(axis=(0, 1)) - (most[i] + most[j])
         near = np.flatnonzero(low < self._enough)
-        self.possible = np.minimum(self.possible, np.where(low < self._enough, np.inf, low))
+        of = self._at
+        self.possible[of] = np.minimum(self.possible[of], np.where(low < self._enough, np.inf, low))
         if not near.size:
             return
         each = chords[:, :, near].min(axis=1) - (bending[:, i[near]] + bending[:, j[near]])
         k, p = np.nonzero(each < self._enough)
         far = np.where(each < self._enough, np.inf, each).min(axis=0)
-        self.possible[near] = np.minimum(self.possible[near], far)
+        self.possible[of[near]] = np.minimum(self.possible[of[near]], far)
         if not k.size:
             return
         a, b = (start[k, v[near[p]]] for v in (i, j))
         rates_a, rates_b = (flown[k, v[near[p]]] for v in (i, j))
         low, reached, when = closest_on_arcs(a, rates_a, b, rates_b, periods * fdm_dt, self._enough)
-        np.minimum.at(self.possible, near[p], low)
+        np.minimum.at(self.possible, of[near[p]], low)
         for m in np.lexsort((reached, p)):  # few: the pairs about to touch
-            pair = near[p[m]]
+            pair = of[near[p[m]]]
             if reached[m] < self.least.value[pair]:
                 self.least.value[pair], self.least.t[pair] = reached[m], t[k[m]] + when[m]
 

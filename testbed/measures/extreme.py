@@ -24,8 +24,16 @@ class Extreme:
     def of(cls, size: int) -> Extreme:
         return cls(np.full(size, np.inf), np.full(size, np.nan))
 
-    def update(self, t: Array | float, value: Array) -> None:
-        """Take in `value` (..., size) at times `t` (...)."""
+    def update(self, t: Array | float, value: Array, at: NDArray[np.intp] | None = None) -> None:
+        """Take in `value` (..., size) at times `t` (...).
+
+        at  (K,) the quantities that `value` (..., K) is of; None is all
+        """
+        if at is not None:
+            some = Extreme(self.value[at], self.t[at])
+            some.update(t, value)
+            self.value[at], self.t[at] = some.value, some.t
+            return
         low = value if value.ndim == 1 else value.min(axis=0)
         better = ~(low >= self.value)
         if not better.any():

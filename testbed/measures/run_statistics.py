@@ -11,6 +11,7 @@ from filters.barriers.pairs import all_pairs
 from filters.model import Array, Command, Limits, State
 from filters.qp.single import Status
 from testbed.measures.between_samples import ArcApproach, Bends
+from testbed.measures.chords import closest, square
 from testbed.measures.declared_barrier import DeclaredBarrier
 from testbed.measures.declared_rows import DeclaredRows
 from testbed.measures.extreme import Extreme
@@ -112,6 +113,7 @@ class RunStatistics:
         self.lowest, self.highest = np.full((n, 3), np.inf), np.full((n, 3), -np.inf)
         self.override_steps = np.zeros(n, dtype=int)
         self._i, self._j = all_pairs(n)
+        self._at: NDArray[np.intp] | None = None  # which of all pairs those are; None: all
         self._last: Array | None = None
         self._amplitude: Array | None = None
 
@@ -119,6 +121,13 @@ class RunStatistics:
     def without_qp(self) -> bool:
         """Whether there were decisions, and no QP was solved for any of them."""
         return self.filter_steps > 0 and not self.solves
+
+    def take(self, i: NDArray[np.intp], j: NDArray[np.intp]) -> None:
+        """Look at the pairs (i, j) from now on, instead of all: the others have no least value."""
+        self._i, self._j = i, j
+        self._at = (i * (2 * self.vehicles - i - 1)) // 2 + j - i - 1
+        if self.arcs is not None:
+            self.arcs.take(i, j, self._at)
 
     def start(self, position: Array, goal: Array, goal_radius: float) -> None:
         """Begin at `position` (N, 3) m; vehicles want to come within `goal_radius` [m] of `goal` (N, 3) m."""
@@ -146,17 +155,18 @@ class RunStatistics:
             # Entries first: numpy sums over a last axis of 3 slowly.
             places = np.ascontiguousarray(whole.transpose(2, 0, 1))
             offset = places.take(self._i, axis=-1) - places.take(self._j, axis=-1)
-            self.separation.update(t, _without(apart, np.sqrt(_square(offset[:, len(whole) - len(track) :]))))
+            distance = _without(apart, np.sqrt(square(offset[:, len(whole) - len(track) :])))
+            self.separation.update(t, distance, self._at)
             if len(whole) > 1:
-                chords, ends = _without(apart, _closest(offset)), t[-(len(whole) - 1) :]
-                self.between.update(ends, chords)
+                chords, ends = _without(apart, closest(offset)), t[-(len(whole) - 1) :]
+                self.between.update(ends, chords, self._at)
                 self.bends.update(places, periods)
                 if self.arcs is not None and motion is not None:
                     fdm_dt = (ends[-1] - ends[0]) / (len(ends) - 1) if len(ends) > 1 else float(ends[0])
                     begin = ends[periods - 1 :: periods] - periods * fdm_dt
                     by_period = chords.reshape(-1, periods, self._i.size)
                     self.arcs.update(begin, *motion, by_period, fdm_dt)
-        distance = _without(away, np.sqrt(_square((track - self._goal).transpose(2, 0, 1))))
+        distance = _without(away, np.sqrt(square((track - self._goal).transpose(2, 0, 1))))
         self.goal.update(t, distance)
         self.last_s = float(t[-1])
         if self.progress is not None:
@@ -165,7 +175,7 @@ class RunStatistics:
         flying = np.isnan(self.passed)
         if len(whole) > 1:
             # The period in which the vehicle arrives still counts; those after it do not.
-            flown = np.sqrt(_square(np.diff(whole, axis=0).transpose(2, 0, 1)))
+            flown = np.sqrt(square(np.diff(whole, axis=0).transpose(2, 0, 1)))
             by_period = flown.reshape(-1, periods, self.vehicles).sum(axis=1)
             arrives = inside.reshape(-1, periods, self.vehicles).any(axis=1)
             by_period[1:][np.logical_or.accumulate(arrives)[:-1]] = 0.0
@@ -189,7 +199,7 @@ class RunStatistics:
             value = np.where(nearer, self.arcs.least.value, self.separation.value)
             when = np.where(nearer, self.arcs.least.t, self.separation.t)
             return np.minimum(self.arcs.possible, self.separation.value), Extreme(value, when)
-        radius = self.bends.radius(self._i, self._j)
+        radius = self.bends.radius(*all_pairs(self.vehicles))
         nearer = self.between.value + radius < self.separation.value
         value = np.where(nearer, self.between.value + radius, self.separation.value)
         when = np.where(nearer, self.between.t, self.separation.t)
@@ -228,6 +238,10 @@ class RunStatistics:
         self.highest = np.maximum(self.highest, fastest.max(axis=0))
         self.override_steps += override.sum(axis=0)
 
+    def see(self, which: Extreme, t: Array, value: Array) -> None:
+        """Take in `value` (S, P) at `t` (S,) for one of the extremes of pairs."""
+        which.update(t, value, self._at)
+
     def solved(self, t: Array, status: NDArray[np.int_], residual: Array, inside: NDArray[np.bool_]) -> None:
         """Take in how the QPs at `t` (S,) ended, and count vehicles whose QP had no solution.
 
@@ -248,7 +262,7 @@ class RunStatistics:
 
         lie  L_g h by vehicle i or j, and by v, omega and zeta, (2, 3, S, P)
         """
-        self.h.update(t, h)
+        self.h.update(t, h, self._at)
         if self.near_misses is not None:
             near = h if self.roles is None else np.where(self.roles.ours, h, np.inf)
             for at, now in zip(t.tolist(), near, strict=True):
@@ -260,40 +274,28 @@ class RunStatistics:
             best += np.maximum(a, b).sum(axis=0)
             least += np.minimum(a, b).sum(axis=0)
         # sup over U of hdot + alpha(h), eq. (3), for pairs in their safe set
-        self.admissible.update(t, np.where(h < 0.0, np.inf, best))
+        self.admissible.update(t, np.where(h < 0.0, np.inf, best), self._at)
         self._binding = ~(least >= 0.0)
         edge = ~(np.abs(h) > BOUNDARY_M)
         if edge.any():
-            self.gradient.update(t, np.where(edge, np.sqrt(_square(lie[0]) + _square(lie[1])), np.inf))
+            self.see(self.gradient, t, np.where(edge, np.sqrt(square(lie[0]) + square(lie[1])), np.inf))
 
-    def phasor(self, t: Array, z: Array) -> None:
-        """Take in the turn barrier's phasor Z (S, P) complex [m^2]; call after `barrier`."""
+    def phasor(self, t: Array, z: Array, before: Array | None = None) -> None:
+        """Take in the turn barrier's phasor Z (S, P) complex [m^2]; call after `barrier`.
+
+        before  (P,) what it was a step before; None: as last taken in
+        """
+        self._amplitude = self._amplitude if before is None else before
         before = z[:1] if self._amplitude is None else self._amplitude[None]
         moved = np.abs(z - np.concatenate([before, z[:-1]]))
         binding = self._binding
         if self._amplitude is None:
             binding[0] = False
         if binding.any():
-            self.kink.update(t, np.where(binding, np.abs(z) / np.maximum(moved, 1e-12), np.inf))
+            self.see(self.kink, t, np.where(binding, np.abs(z) / np.maximum(moved, 1e-12), np.inf))
         self._amplitude = z[-1]
 
 
 def _without(gone: NDArray[np.bool_] | None, values: Array) -> Array:
     """The values with inf for what has left: it is not judged."""
     return values if gone is None else np.where(gone, np.inf, values)
-
-
-def _square(v: Array) -> Array:
-    """The squared length (...) of vectors (3, ...)."""
-    x, y, z = v * v
-    return np.asarray(x + y + z)
-
-
-def _closest(offset: Array) -> Array:
-    """Least distance (n - 1, P) between straight paths whose offsets at n instants are `offset` (3, n, P)."""
-    a, move = offset[:, :-1], np.diff(offset, axis=1)
-    length = _square(move)
-    along = a * move
-    share = -(along[0] + along[1] + along[2]) / np.where(length > 0.0, length, 1.0)
-    nearest = a + np.minimum(np.maximum(share, 0.0), 1.0) * move
-    return np.sqrt(_square(nearest))

@@ -6,6 +6,7 @@ from math import ceil
 
 from testbed.errors import UserError
 from testbed.scenario.contents import Contents
+from testbed.scenario.near_pairs import recorded_pairs
 
 # More than a desktop has to spare, and more rows than a disk.
 MOST_BYTES = 8e9
@@ -19,7 +20,7 @@ WIND_PERIOD_S = 0.05
 def check(s: Contents) -> None:
     """ValueError naming the field that makes the run too large, and what to write instead."""
     n, rates = s.vehicles, s.rates
-    pairs = n * (n - 1) // 2
+    pairs = recorded_pairs(s)
     # Offsets of all pairs over one filter period, their differences and squares.
     track = rates.fdm_steps * (pairs + n) * 24 * 4
     _refuse(track, f"rates.filter_dt_s: {rates.fdm_steps} FDM periods of {n} vehicles", "make it shorter")
@@ -49,7 +50,7 @@ def check_in_memory(s: Contents) -> None:
 def records(s: Contents) -> int:
     """Rows of all tables."""
     fenced = sum(len(fence.vehicles) or s.vehicles for fence in s.fence)
-    return (s.filter_steps // s.rates.record_steps + 1) * (s.vehicles * (s.vehicles + 1) // 2 + fenced)
+    return (s.filter_steps // s.rates.record_steps + 1) * (s.vehicles + recorded_pairs(s) + fenced)
 
 
 def _refuse(needed: float, what: str, remedy: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from filters.barriers.class_k import OddPolynomial
@@ -14,6 +16,8 @@ from testbed.measures import hdot_ledger
 from testbed.measures.fence_statistics import FenceStatistics
 from testbed.measures.run_statistics import RunStatistics
 from testbed.records.run import DECLARED_COLUMNS, REALISED_COLUMNS, WIND_COLUMNS, Columns, RowWriter
+from testbed.scenario import near_pairs
+from testbed.simulation.near_pairs import NearPairs
 from testbed.simulation.step_buffer import StepBuffer
 
 STATUS_NAMES = np.array([s.name.lower() for s in Status])
@@ -26,6 +30,7 @@ class Recorder:
     alpha    h -> m/s
     dt       s, filter period;  fdm_dt  s, the plant's
     windy    whether the air moves, and its motion is recorded
+    near     chooses the pairs that are judged; None: all are, and all are recorded
     """
 
     def __init__(
@@ -40,11 +45,18 @@ class Recorder:
         fdm_dt: float,
         windy: bool,
         leaving: bool = False,
+        near: NearPairs | None = None,
     ) -> None:
         self.buffer, self.statistics, self.rows = buffer, statistics, rows
         self.barrier, self.alpha, self.limits = barrier, alpha, limits
-        self.dt, self.windy, self.leaving = dt, windy, leaving
+        self.dt, self.windy, self.leaving, self.near = dt, windy, leaving, near
         self._offsets = fdm_dt * np.arange(1, buffer.periods + 1)
+
+    def said(self) -> dict[str, Any]:
+        """What the manifest says of the tables: which pairs are recorded, where not all are."""
+        return (
+            {} if self.near is None else {"near_pairs": {"above": near_pairs.ABOVE, "h_m": self.near.record}}
+        )
 
     def look(self) -> None:
         """Count and record the buffer's new steps, and make room for further ones."""
@@ -52,6 +64,10 @@ class Recorder:
         if s.count == s.seen:
             return
         new = slice(s.seen, s.count)
+        if self.near is not None:
+            pairs = self.near.of(s, self.statistics)
+            s.take(*pairs)
+            self.statistics.take(*pairs)
         s.judge_truth(self.barrier)
         s.let_go()
         gone = None if s.gone is None else s.gone[new]
@@ -81,6 +97,10 @@ class Recorder:
         """The run is over: the motion after its last step is unknown; without steps tables are empty."""
         self.look()
         s = self.buffer
+        if self.near is not None and s.count:
+            s.take(s.i, s.j)
+            s.judge_truth(self.barrier)
+            s.fill_in(s.lie())
         if not s.count:
             self.rows.add("vehicles", self._vehicle_rows(np.zeros(0, dtype=int)))
             if self.statistics.fences is not None:
@@ -92,16 +112,18 @@ class Recorder:
             return
         if s.i.size:
             unknown = dict.fromkeys(REALISED_COLUMNS, np.full(last.size * s.i.size, np.nan))
-            self.rows.add("pairs", self._pair_rows(last, lie) | unknown)
+            self._add_pairs(self._pair_rows(last, lie) | unknown)
 
     def _look_at_pairs(self, new: slice) -> None:
         s, statistics = self.buffer, self.statistics
         h, lie = s.h[: s.count], s.lie()
+        if self.near is not None:
+            s.fill_in(lie)
         alpha_h = self.alpha(h) if s.gone is None else np.where(s.apart(), np.inf, self.alpha(h))
         statistics.barrier(s.t[new], h[new], lie[:, :, new], alpha_h[new], self.limits)
         if isinstance(self.barrier, TurnBarrier):
-            statistics.phasor(s.t[new], self.barrier.phasor(State.of(s.truth[new])))
-        statistics.rows.update(s.t[new], self._solved_rows(new))
+            statistics.phasor(s.t[new], *self._phasors(self.barrier, new))
+        statistics.see(statistics.rows, s.t[new], self._solved_rows(new))
         if statistics.foreign:
             u_i, u_j = (s.command[new][:, vehicle].transpose(2, 0, 1) for vehicle in (s.i, s.j))
             hdot = (lie[0][:, new] * u_i + lie[1][:, new] * u_j).sum(axis=0)
@@ -112,7 +134,7 @@ class Recorder:
             return
         if s.gone is None:
             realised = np.diff(h, axis=0) / self.dt
-            statistics.condition.update(s.t[: s.count - 1], realised + alpha_h[:-1])
+            statistics.see(statistics.condition, s.t[: s.count - 1], realised + alpha_h[:-1])
         else:
             left = s.apart()[1:]  # by the end of the period
             realised = np.where(left, np.nan, np.diff(np.where(np.isposinf(h), 0.0, h), axis=0) / self.dt)
@@ -123,7 +145,24 @@ class Recorder:
             if s.gone is not None:
                 left = s.apart()[1:][led].ravel()
                 residuals = {name: np.where(left, np.nan, values) for name, values in residuals.items()}
-            self.rows.add("pairs", self._pair_rows(led, lie) | residuals)
+            self._add_pairs(self._pair_rows(led, lie) | residuals)
+
+    def _add_pairs(self, columns: Columns) -> None:
+        """Write rows of `pairs`: where only near ones are judged, of those whose h is small enough."""
+        if self.near is not None:
+            here = columns["h_m"] <= self.near.record
+            columns = {name: values[here] for name, values in columns.items()}
+        self.rows.add("pairs", columns)
+
+    def _phasors(self, barrier: TurnBarrier, new: slice) -> tuple[Array, Array | None]:
+        """The phasors of new steps (S, P); and of the step before, where those pairs were not looked at."""
+        truth = self.buffer.truth
+        if self.near is None:
+            return barrier.phasor(State.of(truth[new])), None
+        pairs = self.buffer.i, self.buffer.j
+        first = max(0, new.start - 1)
+        z = barrier.phasor(State.of(truth[first : new.stop]), *pairs)
+        return z[new.start - first :], None if new.start == 0 else z[0]
 
     def _look_at_fences(self, fences: FenceStatistics, new: slice) -> np.ndarray:
         """Count and record h and clearance of fences at new steps; whether (S,) all h >= 0."""

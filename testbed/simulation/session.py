@@ -14,27 +14,18 @@ from filters.filter import Decision
 from filters.model import Command
 from testbed.components import catalogue
 from testbed.components.border.contract import Breach
-from testbed.components.border.others import OwnFilter
 from testbed.components.components import Parts
 from testbed.components.installed_parts import effective
 from testbed.components.provenance import Origin
-from testbed.measures.between_samples import ArcApproach
-from testbed.measures.declared_barrier import DeclaredBarrier
-from testbed.measures.declared_rows import DeclaredRows
-from testbed.measures.fence_statistics import FenceStatistics
-from testbed.measures.near_misses import NearMisses
-from testbed.measures.progress import progress_of
-from testbed.measures.run_statistics import RunStatistics
-from testbed.measures.saturation import Saturation
-from testbed.measures.track_error import TrackErrors
 from testbed.records.run import MemorySink, RowWriter, Run, Sink
 from testbed.scenario import capacity
-from testbed.scenario.guidance_rules import follow_tracks
 from testbed.scenario.scenario import Scenario
 from testbed.simulation import termination
 from testbed.simulation.assembly import Assembled, Setting, put_together, set_up
+from testbed.simulation.counting import counted
 from testbed.simulation.judgement import judge
 from testbed.simulation.leaving import leaving
+from testbed.simulation.near_pairs import near_pairs
 from testbed.simulation.recorder import Recorder
 from testbed.simulation.step import Step, advance, given, unfiltered
 from testbed.simulation.step_buffer import StepBuffer, keep_freed_memory
@@ -89,28 +80,12 @@ class Session:
         except Breach as breach:
             self._end = termination.ended(termination.raised("", breach, 0), 0.0)
         made = self._made
-        near_misses = NearMisses(setting.i.size, s.d_safe_m) if made and made.replay else None
-        arcs = ArcApproach(setting.i, setting.j, s.d_safe_m) if made and made.arcs else None
-        fenced = None
-        if setting.fences is not None:
-            steps = s.rates.fdm_steps, s.rates.fdm_dt_s
-            fenced = FenceStatistics(setting.fences, setting.start, bool(made and made.arcs), *steps)
-        surfaces = Saturation(made.aircraft if made else ())
-        self._statistics = RunStatistics(
-            s.vehicles, surfaces, near_misses, arcs=arcs, fences=fenced, roles=setting.roles
-        )
-        self._statistics.progress = progress_of(s, setting.start.position, setting.goal)
-        if follow_tracks(s) and "nominal" not in self._own:
-            self._statistics.tracks = TrackErrors(s)
-        if made and isinstance(made.filter, OwnFilter):
-            self._statistics.foreign = True
-            self._statistics.declared = DeclaredRows(setting.limits) if made.filter.declares else None
-            if (said := made.filter.declared) and setting.i.size:
-                self._statistics.own = DeclaredBarrier(setting.i.size, "alpha" in said)
-        self._statistics.start(setting.start.position, setting.goal, s.goal_radius_m)
+        near = near_pairs(setting, self._own) if made else None
+        self._statistics = counted(setting, made, self._own, near)
         self._memory = MemorySink() if self._sink is None else None
         self._rows = RowWriter(self._sink or self._memory)  # type: ignore[arg-type]
-        self._buffer = StepBuffer(s.vehicles, s.rates.fdm_steps, self._statistics.own is not None)
+        own = self._statistics.own is not None
+        self._buffer = StepBuffer(s.vehicles, s.rates.fdm_steps, own, near is not None)
         self._recorder = Recorder(
             self._buffer,
             self._statistics,
@@ -122,6 +97,7 @@ class Session:
             s.rates.fdm_dt_s,
             made is not None and made.air is not None,
             s.goal.on_arrival == "leave",
+            near,
         )
         self._leaving = leaving(s, setting.goal)
         self._still = np.zeros((s.vehicles, 3))
@@ -196,6 +172,7 @@ class Session:
         own = self._own | handed
         left = self._leaving
         self._run = judge(self._setting, self._made, self._statistics, own, self._end, left)
+        self._run.manifest |= self._recorder.said()
         self._run.timing = {"wall_s": time.perf_counter() - self._began}
         if self._memory is not None:
             self._run.tables = self._memory.tables()

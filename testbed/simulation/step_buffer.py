@@ -36,13 +36,17 @@ class StepBuffer:
                              `declared_barrier.at_one_step`; None without one
     track                    (S periods, N, 3) m, the positions flown through after the new steps
     telemetry                per step {channel: (N,)}, of recorded steps and those that follow one
+
+    near  whether only near pairs are judged: there are none until `take` has been told which
     """
 
-    def __init__(self, vehicles: int, periods: int, declared: bool = False) -> None:
-        self.vehicles, self.periods = vehicles, periods
-        self.i, self.j = all_pairs(vehicles)
-        pairs = self.i.size
-        n = self.size = 1 + max(1, min(MOST_STEPS, NUMBERS // max(1, pairs * periods)))
+    def __init__(self, vehicles: int, periods: int, declared: bool = False, near: bool = False) -> None:
+        self.vehicles, self.periods, self.near = vehicles, periods, near
+        self.i, self.j = all_pairs(1 if near else vehicles)
+        # As many steps where only near pairs are judged: sums over steps are rounded alike.
+        fit = NUMBERS // max(1, vehicles * (vehicles - 1) // 2 * periods)
+        pairs, n = self.i.size, 1 + max(1, min(MOST_STEPS, fit))
+        self.size = n
         self.count = self.seen = self.moved = 0
         self.t, self.recorded = np.empty(n), np.empty(n, dtype=bool)
         self.truth = np.empty((n, vehicles, 4))
@@ -57,6 +61,8 @@ class StepBuffer:
         self.gone: NDArray[np.bool_] | None = None
         self.telemetry: list[dict[str, Array]] = []
         self._known = np.empty(n, dtype=bool)  # whether h and grad are filled in
+        # Where only near pairs are judged: what the filter has said of the pairs that it looked at.
+        self._said: list[tuple[PairValues, Array] | None] = []
 
     @property
     def full(self) -> bool:
@@ -91,7 +97,10 @@ class StepBuffer:
             row[:, 0], row[:, 1], row[:, 2] = c.v, c.omega, c.zeta
         self.air[k], self.override[k] = air, decision.override
         self.status[k], self.residual[k] = decision.status, decision.residual
-        if decision.pairs is None:
+        if self.near:
+            self._said.append(None if decision.pairs is None else (decision.pairs, decision.hdot_predicted))
+            self._known[k] = False
+        elif decision.pairs is None:
             self.filter_h[k] = self.predicted[k] = np.nan
         else:
             self.filter_h[k], self.predicted[k] = decision.pairs.h, decision.hdot_predicted
@@ -110,6 +119,34 @@ class StepBuffer:
         """Take in the positions (periods, N, 3) flown through after the step added last."""
         self.track[self.moved * self.periods : (self.moved + 1) * self.periods] = track
         self.moved += 1
+
+    def take(self, i: NDArray[np.intp], j: NDArray[np.intp]) -> None:
+        """Judge the pairs (i, j) of all steps: h and grad are still to be filled in."""
+        self.i, self.j = i, j
+        self.filter_h, self.predicted, self.h = np.full((3, self.count, i.size), np.nan)
+        self.grad = np.empty((8, self.count, i.size))
+        self._known[: self.count] = False
+        place = i * self.vehicles + j
+        for k, said in enumerate(self._said):
+            if said is not None:
+                pairs, hdot = said
+                at = np.searchsorted(place, pairs.i * self.vehicles + pairs.j)
+                there = at < place.size
+                there[there] = place[at[there]] == pairs.i[there] * self.vehicles + pairs.j[there]
+                self.filter_h[k, at[there]], self.predicted[k, at[there]] = pairs.h[there], hdot[there]
+
+    def fill_in(self, lie: Array) -> None:
+        """Of pairs that the filter did not look at its h would have been the true one: see `near_pairs`.
+
+        lie  as `lie()` gives it
+        """
+        for k, said in enumerate(self._said):
+            if said is not None:
+                u_i, u_j = (self.command[k].T.take(vehicle, axis=1) for vehicle in (self.i, self.j))
+                x, y, z = lie[0][:, k] * u_i + lie[1][:, k] * u_j
+                missing = np.isnan(self.filter_h[k])
+                self.filter_h[k, missing] = self.h[k, missing]
+                self.predicted[k, missing] = (x + y + z)[missing]
 
     def judge_truth(self, barrier: Barrier) -> None:
         """Fill in h and grad where the filter's are not those of the true state."""
@@ -157,13 +194,16 @@ class StepBuffer:
         last = self.count - 1
         for a in (self.t, self.recorded, self.truth, self.rates, self.wanted, self.command, self.air):
             a[0] = a[last]
-        for a in (self.status, self.override, self.residual, self.filter_h, self.predicted, self.h):
+        for a in (self.status, self.override, self.residual):
             a[0] = a[last]
+        self._said = self._said[last:]
         if self.declared is not None:
             self.declared[:, 0] = self.declared[:, last]
         if self.gone is not None:
             self.gone[0] = self.gone[last]
-        self.grad[:, 0], self._known[0] = self.grad[:, last], self._known[last]
+        for a in () if self.near else (self.filter_h, self.predicted, self.h, self.grad.swapaxes(0, 1)):
+            a[0] = a[last]
+        self._known[0] = self._known[last]
         self.telemetry = self.telemetry[last:]
         self.count, self.seen, self.moved = 1, 1, 0
 

@@ -25,6 +25,7 @@ from testbed.verification.flow_claims import flow_claims
 from testbed.verification.future import Pose, fly_on
 from testbed.verification.manoeuvre_claim import manoeuvre_keeps
 from testbed.verification.monitor_claims import monitored
+from testbed.verification.near import near_pairs
 from testbed.verification.no_steps import unflown
 from testbed.verification.own_claims import declared
 from testbed.verification.pair_claims import OF_PAIRS, SOLVING, Pairs
@@ -74,6 +75,8 @@ def _findings(run: Recorded) -> Iterator[Finding]:
         yield from sorted(unflown(run), key=_place)
         return
     if (found := departed.left(run)) is not None:
+        yield found
+    if (found := near_pairs(run)) is not None:
         yield found
     run = departed.filled(run)
     flown = fly_on(run.scenario, Pose(run.position, run.vehicles["theta_rad"]), run.i, run.j)

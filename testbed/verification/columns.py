@@ -9,10 +9,10 @@ import numpy as np
 
 from testbed.verification import fleet
 from testbed.verification.air import all_gusts, wind
-from testbed.verification.departed import told
 from testbed.verification.finding import Finding, compared
 from testbed.verification.future import Pose
 from testbed.verification.guidance_columns import guidance
+from testbed.verification.near import told
 from testbed.verification.optimality import minimal
 from testbed.verification.pair_claims import Pairs, unicycle
 from testbed.verification.path_bounds import PathBounds, resolved
@@ -59,7 +59,8 @@ def _numbers(run: Recorded) -> Finding:
     channels = [run.channels(suffix) for suffix in ("", "_nominal", "_command")]
     due = {"poses": [run.position, run.vehicles["theta_rad"]], "rates and commands": channels}
     if run.i.size:
-        due["distances and h"] = [run.pairs[name][~run.apart()] for name in ("distance_m", "h_m")]
+        there = ~run.apart() if run.near is None else run.near
+        due["distances and h"] = [run.pairs[name][there] for name in ("distance_m", "h_m")]
     bad = [name for name, arrays in due.items() if not all(np.isfinite(a).all() for a in arrays)]
     said = ", ".join(bad)
     return Finding(

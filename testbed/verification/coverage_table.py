@@ -122,6 +122,7 @@ MANIFEST = {
     "qp_cost": _sometimes(_no("the solutions of the other QP are not recorded")),
     "declared": _sometimes(_by("entries")),
     "left_s": _sometimes(_by("left")),
+    "near_pairs": _sometimes(_by("near_pairs")),
     "track_error": _sometimes(_by("track", otherwise="steps between recordings are not recorded")),
     "parts": _sometimes(_no("the user's own parts are named, not checked")),
     "files": _by("files"),

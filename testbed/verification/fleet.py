@@ -53,7 +53,8 @@ def which(run: Recorded, kind: str) -> Array:
 def among(run: Recorded, some: Array) -> Recorded:
     """The run with `some` (P,) of its pairs alone."""
     columns = {name: column[:, some] for name, column in run.pairs.items()}
-    return replace(run, i=run.i[some], j=run.j[some], pairs=columns)
+    near = None if run.near is None else run.near[:, some]
+    return replace(run, i=run.i[some], j=run.j[some], pairs=columns, near=near)
 
 
 def lowered(s: Scenario) -> Scenario:

@@ -157,6 +157,8 @@ class Pairs:
         if then is None:
             # What the table says of it, whose h is ours.
             value = self.run.pairs["hdot_realised_mps"][some] + self.alpha[some]
+            if self.run.near is not None:
+                value = np.where(self.run.near[some], value, FAR)
             off = self.alpha_off[some] + 1e-6
         else:
             value = (then.h - self.now.h[some]) / dt + self.alpha[some]

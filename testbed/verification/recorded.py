@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from testbed.errors import UserError
+from testbed.verification.near_table import recorded_below, spread
 
 Array = np.ndarray
 
@@ -30,6 +31,7 @@ class Recorded:
     changed    files whose checksum is not the manifest's, manifest and timing by their own
     timing     the wall time, which no verdict uses
     left_s     (N,) s, when each left; inf for never; None where nobody leaves
+    near       (T, P) which pairs are recorded, P being those that may matter; None where all are
     """
 
     manifest: dict[str, Any]
@@ -45,6 +47,7 @@ class Recorded:
     timing: dict[str, Any]
     fences: dict[str, Array] = field(default_factory=dict)
     left_s: Array | None = None
+    near: Array | None = None
 
     @cached_property
     def guarantees(self) -> dict[str, dict[str, Any]]:
@@ -151,7 +154,16 @@ def read(folder: Path) -> Recorded:
         raise UserError(f"{folder} is malformed: its scenario's periods do not fit each other") from None
     i, j = np.triu_indices(n, 1)
     vehicles = _table(folder, "vehicles", n, {"vehicle": np.arange(n) + 1})
-    pairs = _table(folder, "pairs", i.size, {"i": i + 1, "j": j + 1}) if i.size else {}
+    pairs: dict[str, Array] = {}
+    near = None
+    try:
+        below = recorded_below(manifest)
+    except (KeyError, TypeError, ValueError):
+        raise UserError(f"{folder} is malformed: near_pairs of its manifest says no h_m") from None
+    if below is not None:
+        i, j, pairs, near = spread(folder, s, below, vehicles)
+    elif i.size:
+        pairs = _table(folder, "pairs", i.size, {"i": i + 1, "j": j + 1})
     fences = _fences(folder, s)
     t = vehicles["t_s"][:, 0]
     ended = manifest.get("ended_early")
@@ -180,7 +192,8 @@ def read(folder: Path) -> Recorded:
     timing = _json(folder, "timing.json")
     if timing.get("sha256") != _seal(timing):
         changed.append("timing.json")
-    return Recorded(manifest, s, ended, entries, t, vehicles, pairs, i, j, changed, timing, fences)
+    there = manifest, s, ended, entries, t, vehicles, pairs, i, j, changed, timing, fences
+    return Recorded(*there, near=near)
 
 
 def _fences(folder: Path, s: dict[str, Any]) -> dict[str, Array]:
