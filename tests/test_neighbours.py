@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from filters.barriers.class_k import cubic, linear
@@ -38,6 +38,7 @@ BARRIERS = {
 
 
 @pytest.mark.parametrize("name", BARRIERS)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), side=st.floats(50.0, 3000.0))
 def test_h_and_its_rate_are_within_what_the_circles_allow(name, seed, side):
     barrier, state, n = BARRIERS[name], scattered(12, side, seed), 12
@@ -101,7 +102,7 @@ def test_a_filter_of_near_pairs_gives_the_commands_of_all_to_the_last_bit(mode, 
     ],
 )
 def test_a_run_judged_by_near_pairs_is_that_of_all_pairs_to_the_last_bit(monkeypatch, vehicles, plant, kind):
-    s = city(vehicles, plant, kind, 0.5 if plant == "jsbsim" else 2.0, 100e-6)
+    s = city(vehicles, plant, kind, 0.25 if plant == "jsbsim" else 1.0, 100e-6)
     assert_equal_to_the_last_bit(flown(monkeypatch, s, 2), flown(monkeypatch, s, 1000))
 
 

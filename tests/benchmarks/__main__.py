@@ -20,7 +20,7 @@ from typing import Any
 # One thread: what several do for numpy's small arrays is spin. Before numpy comes in.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from benchmarks import border, machine, memory, report, runs, starting, steps
+from benchmarks import border, fleets, machine, memory, report, runs, starting, steps
 from benchmarks.clock import BareStep
 from benchmarks.runs import progress
 
@@ -36,7 +36,8 @@ def measure(quick: bool) -> dict[str, Any]:
         found["runs"] = {}
         for name in runs.RUNS:
             progress(f"whole run: {name}")
-            found["runs"][name] = runs.whole_run(name, bare, Path(place), 1 if quick else 5)
+            found["runs"][name] = runs.whole_run(name, bare, Path(place), 1 if quick else 3)
+        found["fleets"] = fleets.measure(quick, bare, Path(place), progress)
     moments, goes = (4, 3) if quick else (20, 10)
     for mode, sizes in (("limited", LIMITED), ("centralised", CENTRALISED)):
         found[mode] = []
@@ -57,6 +58,12 @@ def measure(quick: bool) -> dict[str, Any]:
     vehicles, seconds = (10, 5.0) if quick else (100, 60.0)
     progress(f"memory: {vehicles} X8s, {seconds:g} s")
     found["memory"] = memory.measure(vehicles, seconds) | {"vehicles": vehicles, "duration_s": seconds}
+    vehicles, seconds = (50, 5.0) if quick else (1000, 60.0)
+    progress(f"memory: {vehicles} X8s at the density of traffic, {seconds:g} s")
+    found["memory_city"] = memory.measure(vehicles, seconds, True) | {
+        "vehicles": vehicles,
+        "duration_s": seconds,
+    }
     found["bare_us"] = [1e6 * b for b in bare.measured]
     return found
 

@@ -7,6 +7,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
+from benchmarks.caches import second_level
 from testbed.components.versions import versions
 
 
@@ -18,6 +19,7 @@ def describe() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "system": platform.system(),
         "load": round(load, 1),
+        "cache_kb": second_level() // 1024,
         "versions": versions(),
     }
 

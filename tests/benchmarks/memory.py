@@ -1,6 +1,6 @@
 """The memory of a long run of many aircraft, second by second, in a process of its own.
 
-python -m benchmarks.memory VEHICLES SECONDS    prints [[t_s, resident_mb], ...] as JSON
+python -m benchmarks.memory VEHICLES SECONDS [city]    prints [[t_s, resident_mb], ...] as JSON
 """
 
 from __future__ import annotations
@@ -15,12 +15,16 @@ from typing import Any
 import psutil
 
 from testbed.scenario import scenario
+from testbed.scenario.scenario import Scenario
 from testbed.simulation import simulate
 
 
-def measure(vehicles: int = 100, duration_s: float = 60.0) -> dict[str, Any]:
-    """Peak, and growth per minute over the flight's last third [MB]: before, rows gather to be written."""
-    command = [sys.executable, "-m", "benchmarks.memory", str(vehicles), str(duration_s)]
+def measure(vehicles: int = 100, duration_s: float = 60.0, city: bool = False) -> dict[str, Any]:
+    """Peak, and growth per minute over the flight's last third [MB]: before, rows gather to be written.
+
+    city  at the density of traffic, by two workers, whose memory counts; else on a circle
+    """
+    command = [sys.executable, "-m", "benchmarks.memory", str(vehicles), str(duration_s), *["city"] * city]
     out = subprocess.run(
         command, stdout=subprocess.PIPE, text=True, check=True, cwd=Path(__file__).parents[1]
     )
@@ -33,8 +37,9 @@ def measure(vehicles: int = 100, duration_s: float = 60.0) -> dict[str, Any]:
     }
 
 
-def main(vehicles: int, duration_s: float) -> None:
-    s = scenario.load(
+def on_a_circle(vehicles: int, duration_s: float) -> Scenario:
+    """X8s that meet; filter at 20 Hz."""
+    return scenario.load(
         "paper-20-turn",
         [
             "plant=jsbsim",
@@ -43,14 +48,20 @@ def main(vehicles: int, duration_s: float) -> None:
             f"start.radius_m={10 * vehicles}",
             "filter_dt_s=0.05",
             "manoeuvre_instants=0",
+            "rates.workers=1",
         ],
     )
+
+
+def main(s: Scenario) -> None:
+    """Fly `s` and print the memory of this process and those that it starts, second by second."""
     me = psutil.Process()
     samples: list[tuple[float, float]] = []
 
     def note(t: float, end: float) -> None:
         if not samples or t >= samples[-1][0] + 1.0 or t == end:
-            samples.append((t, me.memory_info().rss / 2**20))
+            every = [me, *me.children()]
+            samples.append((t, sum(process.memory_info().rss for process in every) / 2**20))
 
     with tempfile.TemporaryDirectory() as place:
         simulate.run(s, Path(place) / "run", force=True, progress=note)
@@ -58,4 +69,10 @@ def main(vehicles: int, duration_s: float) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), float(sys.argv[2]))
+    size = int(sys.argv[1]), float(sys.argv[2])
+    if sys.argv[3:] == ["city"]:
+        from benchmarks.fleets import city
+
+        main(city(size[0], "jsbsim", size[1], workers=2))
+    else:
+        main(on_a_circle(*size))
