@@ -155,8 +155,7 @@ class RunStatistics:
             # Entries first: numpy sums over a last axis of 3 slowly.
             places = np.ascontiguousarray(whole.transpose(2, 0, 1))
             offset = places.take(self._i, axis=-1) - places.take(self._j, axis=-1)
-            distance = _without(apart, np.sqrt(square(offset[:, len(whole) - len(track) :])))
-            self.separation.update(t, distance, self._at)
+            self.see(self.separation, t, _without(apart, np.sqrt(square(offset[:, -len(track) :]))))
             if len(whole) > 1:
                 chords, ends = _without(apart, closest(offset)), t[-(len(whole) - 1) :]
                 self.between.update(ends, chords, self._at)

@@ -58,21 +58,14 @@ def candidates(s: Scenario, position: Array, theta: Array, h: float) -> Array:
 
 
 def spread(
-    folder: Path, s: Scenario, h: float, vehicles: dict[str, Array]
+    flat: dict[str, Array], s: Scenario, h: float, vehicles: dict[str, Array], folder: Path
 ) -> tuple[Array, Array, dict[str, Array], Array]:
     """Pairs (i, j), their columns (T, U), nan where a pair is not recorded, and whether it is (T, U).
 
+    flat  the table's columns as they are recorded, row by row
     Taken are all pairs of a small run, else those recorded and those that may matter.
     Raises UserError for rows that are doubled or out of place.
     """
-    import pyarrow
-    import pyarrow.parquet as parquet
-
-    try:
-        table = parquet.ParquetFile(folder / "pairs.parquet").read()
-    except (OSError, pyarrow.ArrowException) as error:
-        raise UserError(f"{folder}: pairs.parquet cannot be read: {error}") from None
-    flat = {c: table[c].to_numpy(zero_copy_only=False) for c in table.column_names}
     t, n = vehicles["t_s"][:, 0], s["vehicles"]
     i, j = (flat[c].astype(int) - 1 for c in "ij")
     step = np.searchsorted(t, flat["t_s"] - 1e-7)

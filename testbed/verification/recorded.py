@@ -161,7 +161,7 @@ def read(folder: Path) -> Recorded:
     except (KeyError, TypeError, ValueError):
         raise UserError(f"{folder} is malformed: near_pairs of its manifest says no h_m") from None
     if below is not None:
-        i, j, pairs, near = spread(folder, s, below, vehicles)
+        i, j, pairs, near = spread(_columns(folder, "pairs"), s, below, vehicles, folder)
     elif i.size:
         pairs = _table(folder, "pairs", i.size, {"i": i + 1, "j": j + 1})
     fences = _fences(folder, s)
@@ -239,7 +239,8 @@ def _json(folder: Path, name: str) -> Any:
         raise UserError(f"{folder} holds no finished run: {name}: {error}") from None
 
 
-def _table(folder: Path, name: str, size: int, keys: dict[str, Array]) -> dict[str, Array]:
+def _columns(folder: Path, name: str) -> dict[str, Array]:
+    """The columns of a table, row by row."""
     import pyarrow
     import pyarrow.parquet as parquet
 
@@ -247,9 +248,15 @@ def _table(folder: Path, name: str, size: int, keys: dict[str, Array]) -> dict[s
         table = parquet.ParquetFile(folder / f"{name}.parquet").read()
     except (OSError, pyarrow.ArrowException) as error:
         raise UserError(f"{folder}: {name}.parquet cannot be read: {error}") from None
-    if table.num_rows % size:
-        raise UserError(f"{folder}: {name}.parquet has {table.num_rows} rows, not a multiple of {size}")
-    columns = {c: table[c].to_numpy(zero_copy_only=False).reshape(-1, size) for c in table.column_names}
+    return {c: table[c].to_numpy(zero_copy_only=False) for c in table.column_names}
+
+
+def _table(folder: Path, name: str, size: int, keys: dict[str, Array]) -> dict[str, Array]:
+    flat = _columns(folder, name)
+    rows = len(next(iter(flat.values()), ()))
+    if rows % size:
+        raise UserError(f"{folder}: {name}.parquet has {rows} rows, not a multiple of {size}")
+    columns = {c: values.reshape(-1, size) for c, values in flat.items()}
     for key, wanted in keys.items():
         if not np.array_equal(columns[key], np.broadcast_to(wanted, columns[key].shape)):
             raise UserError(f"{folder}: {name}.parquet has rows that are missing or out of place")
