@@ -126,6 +126,9 @@ def test_it_goes_on_where_it_stopped_and_writes_the_page(file: Path, call: Calla
     assert call("benchmark", file, "--out", out, "--workers", 1, "--minutes", 1e-6) == 0
     assert not json.loads((out / "benchmark.json").read_text())["complete"]
     kept = (out / "journal.jsonl").read_text()
+    assert call("benchmark", file, "--out", out, "--as-it-is") == 0
+    assert (out / "journal.jsonl").read_text() == kept
+    assert "1 of 7 runs are flown so far" in (out / "report.html").read_text(encoding="utf-8")
     assert call("benchmark", file, "--out", out, "--workers", 1) == 0
     journal = (out / "journal.jsonl").read_text()
     assert journal.startswith(kept) and journal.count("\n") == 7

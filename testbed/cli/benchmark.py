@@ -29,6 +29,9 @@ def benchmark(
         int | None,
         typer.Option("--search", help="try the file's candidates first, on so many encounters of each set"),
     ] = None,
+    as_it_is: Annotated[
+        bool, typer.Option("--as-it-is", help="fly nothing: write the page of what is flown so far")
+    ] = False,
     workers: WorkersOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -52,4 +55,4 @@ def benchmark(
     if search is not None:
         show_study(try_all(file, where, search, workers, minutes), as_json)
         return
-    show_study(fly(file, where, workers, n, minutes), as_json)
+    show_study(fly(file, where, workers, n, minutes, as_it_is), as_json)

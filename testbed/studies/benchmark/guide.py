@@ -21,11 +21,12 @@ def text(folder: Path, figure: str, title: str, before: str = "") -> str:
     """
     data = json_of(folder / page.MARK)
     b = data["benchmark"]
+    runs = f"{data['runs']}" if data["complete"] else f"{data['runs']} of {data['of']}"
     counts = f"{len(b['filters'])} filters, {len(b['plants'])} plants, {len(b['sets'])} sets of encounters"
     blocks = [
         f"# {title}",
         before.strip(),
-        f"{data['runs']} runs: {counts}. All filters fly the same encounters from the same seeds.",
+        f"{runs} runs: {counts}. All filters fly the same encounters from the same seeds.",
         page.WHAT,
         f"{page.HOW} Filters stand in the file's order, which says nothing.",
         f"![Runs lost over the time in which commands are altered]({figure})",

@@ -38,9 +38,7 @@ def part(folder: Path, title: str) -> Part:
     data = json_of(folder / MARK)
     b = data["benchmark"]
     sure = [c for c in data["comparisons"] if c["sure"]]
-    if not data["complete"]:
-        said = f"{data['runs']} of {data['of']} runs are flown; the same command goes on"
-        return Part(f"benchmark {b['name']}", b["description"], OPEN, "The benchmark is not finished", [said])
+    left = [] if data["complete"] else [f"{data['runs']} of {data['of']} runs are flown so far."]
     return Part(
         title=f"benchmark {b['name']}",
         what=f"{data['runs']} runs: {len(b['filters'])} filters on {len(b['plants'])} plants in"
@@ -49,6 +47,7 @@ def part(folder: Path, title: str) -> Part:
         status=OPEN,
         headline=f"{len(sure)} of {len(data['comparisons'])} comparisons of two filters are sure",
         details=[
+            *left,
             WHAT.replace("**", ""),
             f"All filters fly the same encounters from the same seeds. {HOW}",
             "Filters are in the file's order: the order says nothing.",

@@ -34,12 +34,18 @@ MARK, JOURNAL = "benchmark.json", "journal.jsonl"
 
 
 def benchmark(
-    source: str, out: Path, workers: int | None = None, n: int | None = None, minutes: float | None = None
+    source: str,
+    out: Path,
+    workers: int | None = None,
+    n: int | None = None,
+    minutes: float | None = None,
+    as_it_is: bool = False,
 ) -> Found:
     """Fly a benchmark, or go on with it; write tables, figure and page once all is flown.
 
-    n        encounters of each set at most; None: as the file says
-    minutes  after which no more is flown in this call; None: to the end
+    n         encounters of each set at most; None: as the file says
+    minutes   after which no more is flown in this call; None: to the end
+    as_it_is  fly nothing, and write tables, figure and page of what is flown
     Raises   UserError for a mistake in the file, or a folder that holds something else
     """
     b, folder = load(source)
@@ -48,8 +54,8 @@ def benchmark(
     out.mkdir(parents=True, exist_ok=True)
     with locked(out):
         journal = Journal(out / JOURNAL)
-        done = fly_all(made, journal, workers, minutes)
-        return _written(made, journal, out, done)
+        done = not as_it_is and fly_all(made, journal, workers, minutes)
+        return _written(made, journal, out, done, done or as_it_is)
 
 
 def _check(out: Path, name: str) -> None:
@@ -64,24 +70,24 @@ def _check(out: Path, name: str) -> None:
             raise UserError(f"{out} belongs to the benchmark {theirs!r}; give another --out")
 
 
-def _written(made: Plan, journal: Journal, out: Path, done: bool) -> Found:
+def _written(made: Plan, journal: Journal, out: Path, done: bool, with_page: bool) -> Found:
     import pandas as pd
 
     b, flown = made.benchmark, rows(made, journal)
     vehicles = {name: len(of[0].data["vehicle"]) for name, of in made.sets.items()}
     total = made.size
     if not flown:
-        raise UserError(f"{out}: no run ended in the time given; give more --minutes")
+        raise UserError(f"{out}: no run is flown; give more --minutes, and no --as-it-is")
     found = table.cells(flown, b.without)
     pooled = table.pooled(flown, vehicles, b.without)
     compared = table.comparisons(flown, vehicles, b.without)
-    shown = worst.worst(made, flown) if done else []
-    if done:
+    shown = worst.worst(made, flown) if with_page else []
+    if with_page:
         worst.fly(made, shown, out)
         cost.costs(made, out)
     data = {
         "benchmark": b.model_dump(mode="json"),
-        "complete": done,
+        "complete": len(flown) == total,
         "runs": len(flown),
         "of": total,
         "vehicles": vehicles,
@@ -95,7 +101,7 @@ def _written(made: Plan, journal: Journal, out: Path, done: bool) -> Found:
         "airframes": made.airframes,
     }
     write_json(out / MARK, plain(data))
-    if done:
+    if with_page:
         from testbed.studies.benchmark.page import part
 
         pd.DataFrame(flown).to_csv(out / "runs.csv", index=False)
