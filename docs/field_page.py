@@ -1,4 +1,4 @@
-"""Writes docs/guide/field.md from a folder of `testbed benchmark field` and one of its search.
+"""Writes docs/guide/field.md from the folders of `testbed benchmark field` and its search.
 
 testbed benchmark field --search 4 --out runs/field-search
 testbed benchmark field --out runs/field
@@ -12,7 +12,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from testbed.studies.benchmark import guide, search
+from testbed.studies.benchmark import cost, guide, search
+from testbed.studies.benchmark.page import MARK
 
 GUIDE = Path(__file__).parent / "guide"
 DATA = GUIDE / "data" / "field"
@@ -30,9 +31,14 @@ evenly. All vehicles fly under the filter.
 """
 
 
-def tried(folder: Path) -> str:
+def page() -> str:
+    """The page, of what lies in docs/guide/data/field."""
+    return f"{guide.text(DATA, 'figures/field-loss.svg', TITLE, BEFORE)}\n{tried()}"
+
+
+def tried() -> str:
     """The chapter on the search for settings."""
-    data = json.loads((folder / search.FILE).read_text(encoding="utf-8"))
+    data = json.loads((DATA / search.FILE).read_text(encoding="utf-8"))
     said = (
         f"Settings were searched for alike: four of each filter, in {data['encounters']} encounters of each"
         f" set of two on the X8, from seed {data['seed']}. Chosen is what lost fewest runs, and of equals"
@@ -42,19 +48,15 @@ def tried(folder: Path) -> str:
 
 
 def main(asked: list[str]) -> int:
-    if not asked:
+    if len(asked) != 2:
         print(__doc__)
         return 2
-    folder = Path(asked[0])
+    flown, searched = map(Path, asked)
     DATA.mkdir(parents=True, exist_ok=True)
-    for name in ("cells.csv", "cost.json"):
-        shutil.copy(folder / name, DATA / name)
-    shutil.copy(folder / "loss.svg", GUIDE / "figures" / "field-loss.svg")
-    text = guide.text(folder, "figures/field-loss.svg", TITLE, BEFORE)
-    if asked[1:]:
-        text += "\n" + tried(Path(asked[1]))
-        shutil.copy(Path(asked[1]) / search.FILE, DATA / search.FILE)
-    (GUIDE / "field.md").write_text(text, encoding="utf-8")
+    for file in (flown / MARK, flown / cost.FILE, flown / "cells.csv", searched / search.FILE):
+        shutil.copy(file, DATA / file.name)
+    shutil.copy(flown / "loss.svg", GUIDE / "figures" / "field-loss.svg")
+    (GUIDE / "field.md").write_text(page(), encoding="utf-8")
     return 0
 
 

@@ -182,6 +182,15 @@ def test_several_folders_make_one_page_with_ids_of_their_own(both: Path) -> None
     assert {"player-1", "player-2", "player-3"} <= set(found.ids)
 
 
+def test_several_playbacks_of_one_part_are_players_of_their_own() -> None:
+    from testbed.report.blocks import OPEN, Part, Playback, Section
+
+    block = Playback(playback.data({"unicycle": run(load("paper-2-turn", ["duration_s=0.05"]))}))
+    text = page.page([Part("t", "w", OPEN, "h", sections=[Section("a", [block]), Section("b", [block])])])
+    assert Seen(text).ids.count("player-1") == Seen(text).ids.count("player-1-2") == 1
+    assert len(Seen(text).json) == 2
+
+
 def test_a_scenarios_text_is_text() -> None:
     flown = run(load("paper-2-turn", SHORT))
     flown.manifest["scenario"] |= {"name": EVIL, "description": EVIL}
