@@ -5,7 +5,7 @@
 Two unicycles and two X8s fly encounters 1 to 20 (head-on, crossing and converging in turn, drawn
 as `testbed encounters generate KIND --seed K --miss 5` draws them). The best setting loses the fewest of the
 40, then misses the fewest goals, then alters the least. What is found goes to
-docs/guide/data/rivals/KIND.csv; a kind that is there already is flown again.
+docs/guide/data/rivals/KIND.csv; a setting that is there already is not flown again.
 """
 
 from __future__ import annotations
@@ -114,17 +114,24 @@ def score(row: dict[str, Any]) -> tuple[float, ...]:
 def main(kinds: list[str]) -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
     for kind in kinds or list(GRIDS):
-        rows = []
+        file = FOLDER / f"{kind}.csv"
+        rows = list(csv.DictReader(file.open(encoding="utf-8"))) if file.is_file() else []
+        known = {row["setting"] for row in rows}
         for setting in settings(kind):
-            rows.append(flown(kind, setting))
-            print(kind, rows[-1], flush=True)
-        best = min(rows, key=score)
-        for row in rows:
-            row["best"] = int(row is best)
-        with (FOLDER / f"{kind}.csv").open("w", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-            table.writeheader()
-            table.writerows(rows)
+            if words(setting) not in known:
+                rows.append(flown(kind, setting))
+                write(file, rows)
+
+
+def write(file: Path, rows: list[dict[str, Any]]) -> None:
+    """The rows with the best marked."""
+    best = min(rows, key=score)
+    for row in rows:
+        row["best"] = int(row is best)
+    with file.open("w", newline="", encoding="utf-8") as out:
+        table = csv.DictWriter(out, COLUMNS, lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
 
 
 if __name__ == "__main__":

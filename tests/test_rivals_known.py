@@ -26,7 +26,7 @@ from filters.rivals.velocity_obstacles import VelocityObstacleFilter, least_chan
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
 from testbed.verification.check import verify
-from tests.forgery import copied, differing, edit_entry, entry, seal
+from tests.forgery import copied, differing, edit_entry, edit_table, entry, read, seal
 
 DS = 5.0
 BOX = (15.0, 25.0, np.radians(13.0), 3.9)
@@ -320,23 +320,47 @@ def test_numbers_out_of_range_are_refused(make: object, said: str) -> None:
 # In a run
 
 
+SHORT = ["radius_m=60", "lookahead_m=10", "duration_s=2.5", "filter_dt_s=0.05", "record_dt_s=0.05"]
+RUNS = {
+    "collision-cone": [],
+    "optimal-decay": [],
+    "late optimal-decay": ["network.latency_s=0.1"],
+    "velocity-obstacles": [],
+}
+
+
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("cone") / "run"
-    short = ["radius_m=60", "lookahead_m=10", "duration_s=2.5", "filter_dt_s=0.05", "record_dt_s=0.05"]
-    run(load("paper-2-turn", ['filter.kind="collision-cone"', *short, "manoeuvre_instants=0"]), folder)
-    return folder
+def flown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folders = {name: tmp_path_factory.mktemp("rivals") / name for name in RUNS}
+    for name, more in RUNS.items():
+        kind = f'filter.kind="{name.split()[-1]}"'
+        run(load("paper-2-turn", [kind, *SHORT, "manoeuvre_instants=0", *more]), folders[name])
+    return folders
 
 
-def test_the_second_opinion_computes_the_cones_h_itself(flown: Path, tmp_path: Path) -> None:
-    assert not differing(flown)
-    said = [f for f in verify(flown) if "cone" in f.what]
+@pytest.mark.parametrize("name", RUNS)
+def test_the_second_opinion_agrees_with_a_run(flown: dict[str, Path], name: str) -> None:
+    found = verify(flown[name])
+    assert not [f.what for f in found if f.agrees is False]
+    judged = {v["id"]: v["verdict"] for v in read(flown[name], "guarantees.json")}
+    assert (judged["safe-set"] == "not applicable") == (name in ("collision-cone", "velocity-obstacles"))
+    assert judged["qp-feasibility"] == ("holds" if "decay" in name else "not applicable")
+
+
+def test_h_of_the_optimal_decay_filter_and_of_the_cones_is_computed_anew(
+    flown: dict[str, Path], tmp_path: Path
+) -> None:
+    cones = flown["collision-cone"]
+    said = [f for f in verify(cones) if "cone" in f.what]
     assert len(said) == 2 and all(f.agrees for f in said)
     for name in ("monitor-cone_start", "monitor-cone_kept"):
-        e = entry(flown, name)
-        if e["value"] is None:
-            continue
-        folder = copied(flown, tmp_path / name)
-        edit_entry(folder, name, value=e["value"] + 1.0, margin=e["margin"] + 1.0)
-        seal(folder)
-        assert name in differing(folder)
+        e = entry(cones, name)
+        if e["value"] is not None:
+            folder = copied(cones, tmp_path / name)
+            edit_entry(folder, name, value=e["value"] + 1.0, margin=e["margin"] + 1.0)
+            seal(folder)
+            assert name in differing(folder)
+    folder = copied(flown["late optimal-decay"], tmp_path / "late")
+    edit_table(folder, "pairs", lambda t: t.assign(h_filter_m=t.h_filter_m + 1e-3))
+    seal(folder)
+    assert "h_filter_m" in differing(folder)

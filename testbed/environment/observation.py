@@ -62,7 +62,7 @@ def build(s: Scenario, rngs: dict[str, np.random.Generator]) -> Knowledge:
         stages.append(Sensing(noise, drift, bias, persistence, everyone, s.vehicles, rngs["noise"]))
     if m.delay_s or link.latency_s or link.loss:
         # A centralised QP is solved in one place, which hears of every vehicle over a link.
-        central = s.filter.kind == "centralised"
+        central = s.filter.kind in ("centralised", "optimal-decay")
         late = (m.delay_s, link.latency_s, link.loss)
         stages.append(Network(s.vehicles, dt, *late, link.stale, central, rngs["network"]))
     return Knowledge(stages)

@@ -18,7 +18,7 @@ from testbed.verification.pair_claims import Pairs, unicycle
 from testbed.verification.path_bounds import PathBounds, resolved
 from testbed.verification.recorded import Array, Recorded
 from testbed.verification.rows import Rows
-from testbed.verification.settings import arc, box, knows_itself, start
+from testbed.verification.settings import CENTRAL, arc, box, knows_itself, start
 from testbed.verification.telemetry import telemetry
 
 ROUNDING = 1e-6
@@ -226,7 +226,7 @@ def _pairs(run: Recorded, pairs: Pairs | None, rows: Rows) -> Iterator[Finding]:
 def _filters(run: Recorded, rows: Rows) -> Finding:
     """h as the filter saw it; nan of a filter that has none."""
     said = run.pairs["h_filter_m"]
-    if run.scenario["filter"]["kind"] not in ("centralised", "limited") or "filter" in run.parts:
+    if run.scenario["filter"]["kind"] not in (*CENTRAL, "limited") or "filter" in run.parts:
         bare = bool(np.isnan(said).all()) or "filter" in run.parts
         return Finding("h_filter_m", "no h" if bare else f"{said.size} values", "no h", bare)
     if rows.own is None:

@@ -12,7 +12,7 @@ import numpy as np
 from testbed.verification import fleet
 from testbed.verification.future import Pose, manoeuvre
 from testbed.verification.recorded import Array, Recorded
-from testbed.verification.settings import Scenario, arc, errs, filters_own
+from testbed.verification.settings import CENTRAL, Scenario, arc, errs, filters_own
 
 USUAL = ("inverting", "perfect")  # the autopilot and the sensors that no name says
 AIRFRAMES = Path(__file__).parents[2] / "aircraft" / "airframes"
@@ -32,7 +32,7 @@ def filter_view(run: Recorded) -> Pose | str:
         return "the filter saw measured poses, which are not recorded"
     if remedy["air_mass"]:
         return "the filter saw the vehicles from the moving air"
-    central = s["filter"]["kind"] == "centralised"
+    central = s["filter"]["kind"] in CENTRAL
     late = measured["delay_s"] + (link["latency_s"] if central else 0.0)
     if (central and link["loss"]) or (late and link["stale"] == "extrapolate"):
         return "the filter saw poses carried on over lost packets"

@@ -13,6 +13,8 @@ from testbed.verification.recorded import Array
 
 Scenario = dict[str, Any]
 CHANNELS = ("v", "omega", "zeta")
+# Kinds of filters that solve one QP in one place, which hears of every vehicle over a link.
+CENTRAL = ("centralised", "optimal-decay")
 
 
 def box(s: Scenario) -> tuple[Array, Array]:
@@ -221,5 +223,5 @@ def knows_itself(s: Scenario) -> bool:
     """Whether every vehicle knows its own pose as it is."""
     m, link = s["sensing"], s["network"]
     exact = not errs(m)
-    central = s["filter"]["kind"] == "centralised"
+    central = s["filter"]["kind"] in CENTRAL
     return exact and not m["delay_s"] and not (central and (link["latency_s"] or link["loss"]))
