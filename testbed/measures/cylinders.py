@@ -31,15 +31,15 @@ class Cylinder:
         return f"{self.radius_m:.4g} m x {self.half_height_m:.4g} m"
 
 
-# Between two small unmanned aircraft: 50 ft by 15 ft, the analogue of the NMAC of crewed aircraft.
-# Weinert, Alvarez, Owen & Zintak 2022, J. Air Transportation 30(1), doi 10.2514/1.D0260; RTCA DO-396.
+# Between two small unmanned aircraft: 50 ft by 15 ft, the analogue of the NMAC of crewed aircraft. Weinert,
+# Alvarez, Owen & Zintak 2022, J. Air Transportation (preprint: doi 10.20944/preprints202011.0503.v1).
 SMALL_NMAC = Cylinder(50 * FT, 15 * FT)
 # Ours: NMAC scaled as well clear is to NMAC for a small unmanned and a crewed aircraft, 4 and 2.5 times.
 SMALL_WELL_CLEAR = Cylinder(200 * FT, 37.5 * FT)
-# Of crewed aircraft: 500 ft by 100 ft (RTCA DO-185, ASTM F3442).
+# Of crewed aircraft: 500 ft by 100 ft, as for TCAS; also of a small unmanned and a crewed one.
 CREWED_NMAC = Cylinder(500 * FT, 100 * FT)
 # Of a small unmanned aircraft and a crewed one: 2000 ft by 250 ft (Weinert, Campbell, Vela, Schuldt & Kurucar
-# 2018, J. Air Transportation 26(3), doi 10.2514/1.D0091; ASTM F3442).
+# 2018, J. Air Transportation 26(3), doi 10.2514/1.D0091).
 CREWED_WELL_CLEAR = Cylinder(2000 * FT, 250 * FT)
 
 
