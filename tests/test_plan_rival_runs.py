@@ -14,8 +14,8 @@ from tests.forgery import copied, differing, edit_entry, read, seal, write
 
 OWN = {
     "backup": "F1 monitor-flow_clear",
-    "gatekeeper": "R1 monitor-plan_clear",
-    "receding-horizon": "R1 monitor-plan_clear",
+    "gatekeeper": "R3 monitor-plan_clear",
+    "receding-horizon": "R3 monitor-plan_clear",
 }
 
 

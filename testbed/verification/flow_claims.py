@@ -1,4 +1,4 @@
-"""Checks the flow filter's claims F1 to F3, and R1 of rivals: flies the lagging vehicles on in steps of 5 ms.
+"""Checks the flow filter's claims F1 to F3, and R3 of rivals: flies the lagging vehicles on in steps of 5 ms.
 
 Every channel is stepped by the law of a first-order lag after a delay with a bounded rate, each step split
 where a new command is heard; positions are summed over the steps. Once all channels have settled, what is
@@ -58,7 +58,7 @@ class Lagging:
 
 
 def flow_claims(rows: Rows) -> Iterator[Finding]:
-    """The findings of F1, F2, F3 and R1."""
+    """The findings of F1, F2, F3 and R3."""
     run = rows.run
     if PLANS in run.guarantees:
         judge = Judge(run, run.guarantees[PLANS])
