@@ -21,6 +21,8 @@ from filters.qp.batch import solve_each
 
 # Shares of the way from gamma to the QP's solution, tried in turn; the last always keeps every row.
 DRAWN = np.array([0.9, 0.75, 0.5, 0.25, 0.1, 0.0])
+# Shares of the largest climb or descent, tried in turn where only gamma is left.
+CLIMBED = np.array([1.0, 0.5, 0.25, 0.1])
 TOLERANCE_M = 1e-4
 _ROUNDS, _CORRECTIONS = 8, 2
 _CHANGED = 1e-6
@@ -33,12 +35,14 @@ class Ending(enum.IntEnum):
     SOLVED   the QP's solution does
     DRAWN    an input between that and gamma does
     EVADING  of those tried only gamma does
+    APART    outside, gamma with a climb or a descent away from whom it is too near to
     """
 
     NOMINAL = 0
     SOLVED = 1
     DRAWN = 2
     EVADING = 3
+    APART = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +91,32 @@ def choose(wanted: Wanted, posed: Posed, slope: Array, moved: Array) -> tuple[Ar
     broken = np.flatnonzero(_who(rows, ~(reached >= rows.least - TOLERANCE_M), len(u)))
     if broken.size:
         u[broken], ending[broken] = _drawn(wanted.gamma[broken], u[broken], posed.of(broken))
+    outside = _who(rows, rows.back > 0, len(u))
+    stuck = np.flatnonzero(outside & (np.abs(u - wanted.gamma).max(axis=1) < _CHANGED))
+    if stuck.size:
+        u[stuck], may = _apart(wanted.of(stuck), posed.of(stuck))
+        ending[stuck[may]] = Ending.APART
     return u, ending
+
+
+def _apart(wanted: Wanted, posed: Posed) -> tuple[Array, NDArray[np.bool_]]:
+    """Gamma and a climb or descent (N, 3) for vehicles outside that only gamma is left to, and who may do so.
+
+    Samples before and after the nearest one lie on both sides of the other vehicle: no level displacement is
+    away from it at all of them. A climb of the upper one is, whatever the phase.
+    """
+    rows, gamma = posed.rows, wanted.gamma
+    order = np.lexsort((-rows.back, rows.vehicle))
+    worst = order[np.flatnonzero(np.diff(rows.vehicle[order], prepend=-1))]
+    # Of two at one height, one vector's vertical part is 0 and the other's -0.
+    end = np.where(np.signbit(rows.up[worst]), wanted.lower[:, 2], wanted.upper[:, 2]) - gamma[:, 2]
+    tried = gamma + np.zeros((CLIMBED.size, 1, 3))
+    tried[..., 2] += CLIMBED[:, None] * end
+    fails = posed.moved(tried) < rows.least - TOLERANCE_M
+    kept = ~np.stack([_who(rows, each, len(gamma)) for each in fails])
+    k = np.argmax(kept, axis=0)
+    found = kept.any(axis=0)
+    return np.where(found[:, None], tried[k, np.arange(len(gamma))], gamma), found
 
 
 def _drawn(gamma: Array, u: Array, posed: Posed) -> tuple[Array, NDArray[np.int_]]:
