@@ -26,7 +26,7 @@ from filters.rivals.velocity_obstacles import VelocityObstacleFilter, least_chan
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
 from testbed.verification.check import verify
-from tests.forgery import copied, differing, edit_entry, edit_table, entry, read, seal
+from tests.forgery import copied, differing, edit_entry, edit_table, entry, read, seal, write
 
 DS = 5.0
 BOX = (15.0, 25.0, np.radians(13.0), 3.9)
@@ -364,3 +364,17 @@ def test_h_of_the_optimal_decay_filter_and_of_the_cones_is_computed_anew(
     edit_table(folder, "pairs", lambda t: t.assign(h_filter_m=t.h_filter_m + 1e-3))
     seal(folder)
     assert "h_filter_m" in differing(folder)
+
+
+@pytest.mark.parametrize("name", ["optimal-decay", "late optimal-decay"])
+def test_commands_of_the_optimal_decay_filter_are_its_optimum_at_the_weight_said(
+    flown: dict[str, Path], tmp_path: Path, name: str
+) -> None:
+    [minimal] = [f for f in verify(flown[name]) if f.what == "minimal"]
+    assert minimal.agrees
+    folder = copied(flown[name], tmp_path / "x")
+    manifest = read(folder, "manifest.json")
+    manifest["scenario"]["filter"]["decay_weight"] = 3.0
+    write(folder, "manifest.json", manifest)
+    seal(folder)
+    assert "minimal" in differing(folder)

@@ -214,7 +214,7 @@ def _reports_h(run: Recorded) -> bool:
 _LABEL = _no("a label")
 # Settings of rival filters.
 OF_RIVALS = (
-    *("decay_per_s", "speed_response_s", "climb_response_s", "decay_weight"),
+    *("decay_per_s", "speed_response_s", "climb_response_s"),
     *("horizon_s", "response_s", "responsibility", "space"),
 )
 # By field, or by table ("wind.").

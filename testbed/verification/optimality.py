@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbed.verification import fleet
+from testbed.verification import decay_optimality, fleet
 from testbed.verification.finding import Finding
 from testbed.verification.recorded import Array
 from testbed.verification.rows import Rows
@@ -28,7 +28,6 @@ ANEW = {
         ("backup", "gatekeeper", "receding-horizon"), "the flow of the model is not computed again"
     ),
     "collision-cone": "the collision cones' QPs are not solved again",
-    "optimal-decay": "the QPs with decay factors are not solved again",
     "velocity-obstacles": "the velocity obstacles are not computed again",
 }
 # Slack of a row divided by its norm below which it is touched [m/s].
@@ -47,6 +46,8 @@ def minimal(rows: Rows) -> Finding:
     if why := ANEW.get(s["filter"]["kind"]):
         return Finding("minimal", said, "unknown", None, None, why)
     altered = change > OVERRIDE
+    if s["filter"]["kind"] == "optimal-decay":
+        return _with_decay(rows, altered, said)
     if not rows.solves or not (run.i.size or run.fences):
         count = int(altered.sum())
         return _finding(said, [f"{count} commands are altered without a filter"] if count else [])
@@ -63,6 +64,18 @@ def minimal(rows: Rows) -> Finding:
     bad = int((~(off <= SOLVED_TO)).sum())
     wrong = [f"{bad} of {len(off)} altered commands are not the nearest allowed"] if bad else []
     return _finding(said, wrong, f"off by {off.max(initial=0.0):.2g}")
+
+
+def _with_decay(rows: Rows, altered: Array, said: str) -> Finding:
+    """The finding where every row has a decay factor."""
+    if why := decay_optimality.unknown(rows):
+        return Finding("minimal", said, "unknown", None, None, why)
+    some = altered.any(axis=1) & rows.answered.all(axis=1) & decay_optimality.told(rows)
+    cases, within = np.flatnonzero(some), decay_optimality.within(rows)
+    off = np.array([decay_optimality.off(rows, int(k)) for k in cases[:: max(1, -(-len(cases) // LOOKED))]])
+    bad = int((~(off <= within)).sum())
+    wrong = f"{bad} of {len(off)} altered instants are not the optimum" if bad else ""
+    return Finding("minimal", said, f"off by {off.max(initial=0.0):.2g}", not bad, within, wrong)
 
 
 def _finding(said: str, wrong: list[str], own: str = "as wanted") -> Finding:
