@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import json
+from collections.abc import Callable
 from math import comb
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from filters.model import Array
+from testbed.campaigns import file
 from testbed.claims.registry import INTERVENTION
 from testbed.errors import UserError
 from testbed.measures.cylinders import (
@@ -263,3 +267,68 @@ def test_rows_of_a_campaigns_table_come_back_and_refused_runs_are_left_out() -> 
     assert (keys, len(first), len(second), left_out) == ([1, 2], 2, 2, 1)
     with pytest.raises(UserError, match="nothing to compare"):
         paired({1: back[0]}, {2: back[1]})
+
+
+# The command.
+
+
+def campaign_folder(path: Path, kinds: list[str], seeds: int, files: bool = False) -> Path:
+    """A campaign's folder with measures: the first kind never loses, the others do on odd seeds."""
+    path.mkdir()
+    said = {"measures": Settings().data(), "random": {}}
+    (path / "campaign.json").write_text(json.dumps({"campaign": said}))
+    rows = []
+    for kind in kinds:
+        for seed in range(seeds):
+            values = row(kind != kinds[0] and seed % 2 == 1, False, kind == kinds[0])
+            of = {"file": f"{seed // 2}.toml"} if files else {}
+            own = {MEASURE + k: None if v is None else float(v) for k, v in values.items()}
+            before = {"id": f"{kind}{seed}", "filter.kind": kind, **of, "seed": seed, "status": "flown"}
+            rows.append(before | own)
+    pd.DataFrame(rows).to_parquet(path / "runs.parquet")
+    return path
+
+
+def test_the_command_compares_cells_of_a_campaign_and_two_folders(
+    tmp_path: Path, call: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = campaign_folder(tmp_path / "both", ["centralised", "none"], 20)
+    assert call("measures", both, "--against", "kind=none", "--json") == 0
+    (cell,) = json.loads(capsys.readouterr().out)["cells"]
+    assert (cell["nmac"]["with_filter"], cell["nmac"]["without"]) == (0, 10)
+    assert cell["nuisance"]["count"] == cell["nuisance"]["runs"] == 10
+    first = campaign_folder(tmp_path / "with", ["centralised"], 20)
+    second = campaign_folder(tmp_path / "without", ["x", "none"], 20)
+    assert call("measures", first, "--against", first) == 0
+    assert "no event with or without the filter" in capsys.readouterr().out
+    assert call("measures", second) == 0
+    assert "10/20 (27-73 %)" in capsys.readouterr().out
+    grouped = campaign_folder(tmp_path / "files", ["centralised", "none"], 20, files=True)
+    assert call("measures", grouped, "--against", "kind=none", "--json") == 0
+    (cell,) = json.loads(capsys.readouterr().out)["cells"]
+    assert cell["nmac"]["exact"]["low"] is None
+
+
+def test_mistakes_of_the_command_are_named(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, refusal: Callable[..., str]
+) -> None:
+    folder = campaign_folder(tmp_path_factory.mktemp("c") / "both", ["centralised", "none"], 4)
+    assert "holds no run and no campaign" in refusal("measures", tmp_path)
+    assert "give radius x half height" in refusal("measures", folder, "--nmac", "big")
+    assert "no such folder, and no COLUMN=VALUE" in refusal("measures", folder, "--against", "elsewhere")
+    assert "did you mean none" in refusal("measures", folder, "--against", "kind=nona")
+    assert "no axis 'kinds'" in refusal("measures", folder, "--against", "kinds=none")
+    assert "keeps no run centralised0" in refusal("measures", folder, "--nmac", "3x3")
+    assert "give a share" in refusal("measures", folder, "--threshold", "1.5")
+    assert "give NAME=RADIUS" in refusal("measures", folder, "--cylinder", "5x5")
+
+
+def test_a_campaigns_table_of_measures_is_checked_and_alone_changes_no_other_campaign() -> None:
+    plain_ = {"name": "c", "scenario": "paper-2-turn", "seeds": 1}
+    made = file.parse(plain_ | {"measures": {}}, "c.toml")
+    assert made.measures is not None and made.measures.settings().data() == Settings().data()
+    assert file.parse(plain_, "c.toml").measures is None
+    with pytest.raises(UserError, match=r"measures\.cylinders\.nmac"):
+        file.parse(plain_ | {"measures": {"cylinders": {"nmac": [1.0]}}}, "c.toml")
+    with pytest.raises(UserError, match="begins names of columns"):
+        file.parse(plain_ | {"measures": {"cylinders": {"N-1": [1.0, 1.0]}}}, "c.toml")

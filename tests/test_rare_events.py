@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from testbed.studies.rare import flights
 from testbed.studies.rare.flights import Event, Flights
 from testbed.studies.rare.study import Plan, numbers, rare
 
+ROOT = Path(__file__).parent.parent
 MAKERS = (linear, passing, crossing, sphere)
 
 
@@ -180,3 +182,26 @@ def test_a_shift_of_no_number_of_a_start_is_named(tmp_path: Path) -> None:
     plan = Plan("importance", 100, shifts={"lateral-3": 1.0})
     with pytest.raises(UserError, match="lateral-3=1: a start has no such number"):
         rare(space(scenario()), Event("distance_m", 5.0), plan, tmp_path / "s", 1)
+
+
+def test_mistakes_of_the_command_are_named(refusal: Callable[..., str]) -> None:
+    rare_ = ("rare", "paper-2-turn", "--set", "filter_dt_s=0.1", "--set", "record_dt_s=1")
+    below = (*rare_, "--below", "distance_m=5")
+    assert "give the event" in refusal(*rare_)
+    assert "--method subsets: give one of subset" in refusal(*below, "--method", "subsets")
+    assert "--shift: belongs to --method importance" in refusal(*below, "--shift", "lateral-1=2")
+    assert "--runs 5: give at least 20" in refusal(*below, "--runs", 5)
+    assert "give NUMBER=DEVIATIONS" in refusal(*below, "--method", "importance", "--shift", "lateral-1=far")
+    assert "every bound is 0" in refusal(*below, "--lateral", 0, "--heading", 0, "--height", 0)
+
+
+def test_encounters_side_by_side_are_the_flights_of_a_run() -> None:
+    spec = importlib.util.spec_from_file_location("rare_meeting", ROOT / "docs" / "rare_meeting.py")
+    assert spec is not None and spec.loader is not None
+    meeting = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(meeting)
+    z = np.random.default_rng(3).standard_normal((3, 4))
+    s = meeting.scenario()
+    of = Space.of(s, bounds(s, meeting.LATERAL_M, meeting.HEADING_DEG, 0.0, 0.0, 0.0))
+    state = Flights(of, Event("distance_m", meeting.LEAST_M), Journal(), InProcess(), Display())
+    assert meeting.state(z)[:1] == pytest.approx(state(z[:1]), abs=1e-9)
