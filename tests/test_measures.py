@@ -190,6 +190,18 @@ def test_a_run_without_measurable_pairs_or_samples_is_refused_with_a_remedy() ->
         measured(run(vehicles=1))
 
 
+def test_a_run_that_ended_before_its_first_step_is_undecided() -> None:
+    made = run()
+    made.manifest["ended_early"] = "a part failed"
+    made.tables["vehicles"] = {k: v[:2] for k, v in made.tables["vehicles"].items()}
+    row_ = measured(made)
+    assert (row_["nmac_lost"], row_["nmac_undecided"]) == (False, True)
+    assert row_["closest_m"] == pytest.approx(400.0, rel=1e-3)
+    empty = Paths(np.zeros(0), np.zeros((3, 0, 2)), np.array([0]), np.array([1]))
+    assert lost(empty, VOLUME).undecided and empty.closest()[1] == ()
+    assert not empty.lengths(empty.until(np.zeros((2, 3)), 20.0)).any()
+
+
 # Risk ratios.
 
 

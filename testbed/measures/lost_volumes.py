@@ -109,6 +109,8 @@ class Paths:
 
     def until(self, goal: Array, radius: float) -> Array:
         """(N,) s: when each vehicle first was within `radius` of its `goal` (N, 3), or the last instant."""
+        if not len(self.t):
+            return np.zeros(len(goal))
         distance = np.linalg.norm(self.place - goal.T[:, None], axis=0)
         there = distance <= radius  # nan, of a vehicle without a goal, is not
         return np.asarray(np.where(there.any(axis=0), self.t[there.argmax(axis=0)], self.t[-1]))
