@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import testbed
 from filters.barriers.closed_form import TurnBarrier
 from filters.model import Command, Limits, State, View, step
+from testbed.components.following.evading import evading
 from testbed.components.following.layers import Layers, dealt
 from testbed.components.following.roundabout import Roundabout, ring_radius, sense_against
 from testbed.errors import UserError
@@ -155,6 +156,62 @@ def test_layers_are_dealt_evenly_and_neighbours_in_number_are_not_neighbours_in_
         7.0,
         0.0,
     ]
+
+
+def test_with_a_goal_passed_aside_there_are_more_layers_and_the_nearest_ones_are_not_left() -> None:
+    made = dealt([layer(goal_offset_m=12.0)] * 20, limits(20), np.full(20, 400.0), 20.0, 5.0)
+    assert np.unique(made).tolist() == [8.0 * k - 36.0 for k in range(10)]
+    goal = np.array([[0.0, 0.0, 0.0]] * 2)
+    law = Layers(goal, 20.0, np.array([12.0, 28.0]), 20.0, np.full(2, 2.0), 0.5, 0.3, limits(2), 12.0)
+    for distance in (300.0, 100.0, 25.0):
+        height = np.array([12.0, min(28.0, 12.0 + (distance - 20.0) * 0.1)])
+        at = State(np.full(2, -distance), np.zeros(2), np.zeros(2), height)
+        zeta = law(0.0, View(at, Command.of(np.zeros((2, 3))))).zeta
+        assert zeta[0] == pytest.approx(0.0) and zeta[1] == pytest.approx(-2.0 if height[1] < 28 else 0.0)
+
+
+def evading_law(goal: np.ndarray, layers: np.ndarray) -> Layers:
+    n = len(goal)
+    known = evading(Command.of(np.tile([16.0, 0.2, 0.0], (n, 1))), layers, 8.0)
+    return Layers(goal, 20.0, layers, 20.0, np.full(n, 2.0), 0.5, 0.3, limits(n), 12.0, known)
+
+
+def test_long_turns_have_gammas_sense_and_after_the_goal_gamma_is_flown_at_a_height_of_its_own() -> None:
+    layers = np.array([-4.0, 4.0, -4.0, 4.0])
+    goal = np.array([[-300.0, -250.0, 0.0], [300.0, -250.0, 0.0], [0.0, 0.0, 0.0], [0.0, 10.0, 0.0]])
+    law = evading_law(goal, layers)
+    at = State(np.zeros(4), np.zeros(4), np.zeros(4), layers)
+    wanted = law(0.0, View(at, Command.of(np.zeros((4, 3)))))
+    # Behind on the right: the shorter way is to the right. Ahead on the right: there it goes.
+    assert wanted.omega[0] > 0.2 and wanted.omega[1] < -0.2
+    assert wanted.v[2:].tolist() == [16.0, 16.0] and wanted.omega[2:].tolist() == [0.2, 0.2]
+    parked = evading(Command.of(np.tile([16.0, 0.2, 0.0], (4, 1))), layers, 8.0).parking
+    assert np.unique(parked).tolist() == [-20.0, -12.0, 12.0, 20.0]
+    assert np.array_equal(np.sign(wanted.zeta[2:]), np.sign(parked[2:] - layers[2:]))
+    assert np.abs(wanted.zeta[2:]).max() <= 2.0
+
+
+def test_two_that_wait_in_one_layer_change_to_different_ones() -> None:
+    layers = np.tile([-12.0, -4.0, 4.0, 12.0, 20.0], 4)
+    known = evading(Command.of(np.tile([16.0, 0.2, 0.0], (20, 1))), layers, 8.0)
+    later = np.array([[each[k] for each in known.others] for k in range(6)])
+    assert set(np.unique(later)) <= set(layers) and np.all(later[0] != layers)
+    # No two that share their layer at the start share each of the next six.
+    for first in range(20):
+        for other in range(first + 5, 20, 5):
+            assert np.any(later[:, first] != later[:, other])
+    law = evading_law(np.tile([500.0, 0.0, 0.0], (20, 1)), layers)
+    at = State(np.zeros(20), np.zeros(20), np.zeros(20), layers)
+    still = Command.of(np.zeros((20, 3)))
+    assert np.abs(law(0.0, View(at, still)).zeta).max() < 1e-9
+    assert np.abs(law(15.0, View(at, still)).zeta).max() < 1e-9
+    changed = law(16.0, View(at, still)).zeta
+    assert np.array_equal(np.sign(changed), np.sign(later[0] - layers))
+
+
+def test_vehicles_make_way_only_by_a_turn() -> None:
+    with pytest.raises(UserError, match=r"guidance\.evading: .* barrier\.kind = 'turn' has one"):
+        testbed.run(load("paper-2-straight", ["guidance.kind=layers", "guidance.evading=true"]))
 
 
 def test_a_layer_is_climbed_to_held_and_left_in_time_for_the_goal() -> None:

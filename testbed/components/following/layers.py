@@ -9,14 +9,12 @@ import numpy as np
 
 from filters.model import Array, Command, Limits, View
 from testbed.components.following.course import climb
+from testbed.components.following.evading import Evading, Waiting
 from testbed.components.following.pursuit import pursue
 from testbed.scenario.guidance import Layers as Table
 
 # Beyond Ds, between layers; and of the climb rate limit, what the descent takes.
 SPARE_M, CLIMB_SHARE = 3.0, 0.7
-# What counts as nearer to the goal, and the share of an evading circle after which a layer is changed.
-NEARER_M, PATIENCE = 1.0, 0.5
-_TRIES, _GOLDEN = 100, 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 class Layers:
@@ -30,6 +28,10 @@ class Layers:
     The height wanted at the level distance d from the goal differs from the goal's by as much as the descent
     takes from d to the goal radius, and at most by the layer's. A vehicle that has reached its goal goes back
     to its layer.
+
+    off      m, the goal is passed as much above or below where the layer is so near
+    evading  known of the evading turn: turns of more than 90 deg have its sense, it is flown at a parking
+             height after the goal, and who waits changes its layer. None: not known
     """
 
     def __init__(
@@ -42,16 +44,11 @@ class Layers:
         gain: float,
         height_gain: float,
         limits: Limits,
-        gamma: Command | None = None,
         off: float = 0.0,
-        others: Sequence[Array] = (),
-        park: Array | None = None,
+        evading: Evading | None = None,
     ) -> None:
-        self._park = layer if park is None else park
-        self._gamma, self._off, self._others = gamma, off, others
-        layer = layer.copy()
-        self._nearest, self._since = np.full(len(goal), np.inf), np.zeros(len(goal))
-        self._changes = np.zeros(len(goal), dtype=int)
+        self._off, self._evading = off, evading
+        self._waiting = None if evading is None else Waiting(evading, layer)
         self._goal, self._radius, self._layer = goal, goal_radius, layer
         self._speed, self._descent = np.full(len(goal), speed), descent
         self._gains, self._limits = (gain, height_gain), limits
@@ -63,8 +60,9 @@ class Layers:
         self._arrived = self._arrived | (np.linalg.norm(s.position - goal, axis=-1) <= self._radius)
         east, north = goal[:, 0] - s.x, goal[:, 1] - s.y
         level = np.hypot(east, north)
-        if self._gamma is not None:
-            self._change(t, level)
+        if self._waiting is not None:
+            self._waiting.see(t, level, self._arrived)
+            self._layer = self._waiting.layer
         end = goal[:, 2] + np.clip(self._layer - goal[:, 2], -self._off, self._off)
         most = self._layer - end
         left = np.maximum(level - self._radius, 0.0) * self._descent / v
@@ -73,28 +71,15 @@ class Layers:
         closing = v * (np.cos(s.theta) * east + np.sin(s.theta) * north) / np.maximum(level, 1e-9)
         falls = sloping & (left > 0.0)
         rate = np.where(falls, -np.sign(most) * closing * self._descent / v, 0.0)
-        gamma = self._gamma
-        sense = 0.0 if gamma is None else float(np.sign(gamma.omega[0]))
-        omega = pursue(s, goal[:, :2], v, self._gains[0], self._limits, sense)
+        known = self._evading
+        omega = pursue(s, goal[:, :2], v, self._gains[0], self._limits, 0.0 if known is None else known.sense)
         zeta = climb(s.z, height, rate, self._gains[1], self._limits)
-        if gamma is not None:
-            v, omega = np.where(self._arrived, gamma.v, v), np.where(self._arrived, gamma.omega, omega)
-            up = climb(s.z, self._park, 0.0, self._gains[1], self._limits)
-            zeta = np.where(self._arrived, np.clip(up, -self._descent, self._descent), zeta)
-        return Command(v, omega, zeta)
-
-    def _change(self, t: float, level: Array) -> None:
-        """Give vehicles another layer that have come no nearer to their goals for half an evading circle."""
-        assert self._gamma is not None
-        nearer = level < self._nearest - NEARER_M
-        self._nearest = np.where(nearer, level, self._nearest)
-        self._since = np.where(nearer, t, self._since)
-        patience = PATIENCE * 2 * np.pi / np.abs(self._gamma.omega)
-        for k in map(int, np.flatnonzero((t - self._since > patience) & ~self._arrived)):
-            self._nearest[k], self._since[k] = level[k], t
-            if len(self._others) and len(self._others[k]):
-                self._layer[k] = float(self._others[k][int(self._changes[k]) % len(self._others[k])])
-                self._changes[k] += 1
+        if known is None or not self._arrived.any():
+            return Command(v, omega, zeta)
+        away = climb(s.z, known.parking, 0.0, self._gains[1], self._limits)
+        away = np.minimum(np.maximum(away, -self._descent), self._descent)
+        parked = np.stack([known.gamma.v, known.gamma.omega, away], axis=-1)
+        return Command.of(np.where(self._arrived[:, None], parked, np.stack([v, omega, zeta], axis=-1)))
 
 
 def descent_rate(table: Table, limits: Limits) -> Array:
@@ -122,31 +107,6 @@ def dealt(tables: Sequence[Table], limits: Limits, way: Array, goal_radius: floa
             layers = min(count, max(1, 1 + int(2.0 * least / spacing)))
         own = table.middle_m + spacing * (k * _stride(layers) % layers - (layers - 1) / 2.0)
         made[k] = own if table.height_m is None else table.height_m
-    return made
-
-
-def other_layers(layer: Array) -> list[Array]:
-    """The layers that each vehicle may change to, of those of all (N,), in an order of its own.
-
-    Each goes up by jumps of its own, cyclically: two that bar one another's way in one layer part.
-    """
-    heights = np.unique(np.round(layer[np.isfinite(layer)], 6))
-    count, made, tries = len(heights), [], np.arange(1, _TRIES + 1)
-    for k, own in enumerate(layer):
-        if count < 2 or not np.isfinite(own):
-            made.append(heights[:0])
-            continue
-        jumps = 1 + np.floor(np.mod((k + 1) * tries * _GOLDEN, 1.0) * (count - 1)).astype(int)
-        made.append(heights[(int(np.argmin(np.abs(heights - own))) + np.cumsum(jumps)) % count])
-    return made
-
-
-def parking(layer: Array, spacing: float) -> Array:
-    """(N,) m, a height for each vehicle beyond all layers (N,): above them for those of the upper half."""
-    made, order = layer.copy(), np.argsort(layer, kind="stable")
-    half = len(layer) // 2
-    made[order[:half][::-1]] = layer.min() - spacing * np.arange(1, half + 1)
-    made[order[half:]] = layer.max() + spacing * np.arange(1, len(layer) - half + 1)
     return made
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from filters.model import Array, Command, Limits, View
-from testbed.components.following.layers import SPARE_M, Layers, dealt, descent_rate, other_layers, parking
+from testbed.components.following.evading import evading
+from testbed.components.following.layers import SPARE_M, Layers, dealt, descent_rate
 from testbed.components.following.lines import Hold, Waypoints
 from testbed.components.following.loiter import Loiter
 from testbed.components.following.roundabout import Roundabout, ring_radius, sense_against
@@ -109,27 +110,26 @@ def _law(table: tables.Guidance, fleet: Fleet, who: np.ndarray) -> Guidance:
             track = Track(np.array(table.rows))
             return FollowTrack(track, table.course_gain_per_s, table.position_gain_per_s, limits)
         case tables.Layers():
-            gains, descent = (table.course_gain_per_s, table.height_gain_per_s), descent_rate(table, limits)
-            layers = fleet.layers()
-            return Layers(
-                goal,
-                fleet.goal_radius,
-                layers[who],
-                table.speed_mps,
-                descent,
-                *gains,
-                limits,
-                fleet.gamma()[who] if table.evading else None,
-                table.goal_offset_m,
-                [other_layers(layers)[k] for k in who],
-                parking(layers[who], fleet.d_safe + SPARE_M),
-            )
+            return _layers(table, fleet, who)
         case tables.Roundabout():
             return _roundabout(table, fleet, who)
     raise UserError(
         f"vehicle.guidance.kind: {table.kind!r} is a part of an installed package, which flies all vehicles"
         " or none; say it in [guidance]"
     )
+
+
+def _layers(table: tables.Layers, fleet: Fleet, who: np.ndarray) -> Guidance:
+    """Layers of all vehicles that fly in some, whichever of their tables says what."""
+    layer, limits, known = fleet.layers(), fleet.limits[who], None
+    if table.evading:
+        try:
+            known = evading(fleet.gamma(), layer, fleet.d_safe + SPARE_M).of(who)
+        except ValueError as error:
+            raise UserError(f"guidance.evading: {error}; barrier.kind = 'turn' has one") from None
+    gains, descent = (table.course_gain_per_s, table.height_gain_per_s), descent_rate(table, limits)
+    way = layer[who], table.speed_mps, descent
+    return Layers(fleet.goal[who], fleet.goal_radius, *way, *gains, limits, table.goal_offset_m, known)
 
 
 def _roundabout(table: tables.Roundabout, fleet: Fleet, who: np.ndarray) -> Guidance:
