@@ -115,7 +115,7 @@ def _apart(wanted: Wanted, posed: Posed) -> tuple[Array, NDArray[np.bool_]]:
     fails = posed.moved(tried) < rows.least - TOLERANCE_M
     kept = ~np.stack([_who(rows, each, len(gamma)) for each in fails])
     k = np.argmax(kept, axis=0)
-    found = kept.any(axis=0)
+    found = np.asarray(kept.any(axis=0))
     return np.where(found[:, None], tried[k, np.arange(len(gamma))], gamma), found
 
 
