@@ -51,7 +51,8 @@ def test_it_imports_nothing_of_what_it_checks() -> None:
         "testbed.claims.promises",
     )
     registered = {
-        f"testbed.claims.monitored.{name}" for name in ("MONITORED", "OF_RIVALS", "OF_THE_FLOW", "RECORDED")
+        f"testbed.claims.monitored.{name}"
+        for name in ("MONITORED", "OF_KINDS", "OF_RIVALS", "OF_THE_FLOW", "RECORDED")
     }
     schema = {f"testbed.scenario.{name}" for name in ("scenario.parse", "relevance.idle", "installed.PLANTS")}
     for file in (ROOT / "testbed/verification").glob("*.py"):

@@ -36,7 +36,7 @@ def measure(quick: bool) -> dict[str, Any]:
         found["runs"] = {}
         for name in runs.RUNS:
             progress(f"whole run: {name}")
-            found["runs"][name] = runs.whole_run(name, bare, Path(place), 1 if quick else 3)
+            found["runs"][name] = runs.whole_run(name, bare, Path(place), 1 if quick else 2)
         found["fleets"] = fleets.measure(quick, bare, Path(place), progress)
     moments, goes = (4, 3) if quick else (20, 10)
     for mode, sizes in (("limited", LIMITED), ("centralised", CENTRALISED)):

@@ -46,7 +46,7 @@ def whole_run(name: str, bare: BareStep, place: Path, goes: int) -> dict[str, An
         flown.append(flight(s, bare, place, goes))
         return (flown[-1].steps + flown[-1].finish) / flown[-1].bare
 
-    found, f = until_decided(ratio, target, least=3, most=7), flown[-1]
+    found, f = until_decided(ratio, target, least=3, most=6), flown[-1]
     periods = s.rates.fdm_steps
     return {
         "ratio": found.value,
