@@ -32,33 +32,20 @@ PLANTS: dict[str, dict[str, Any]] = {
     "unicycle": {"plant": "unicycle"},
     "X8": {"plant": "jsbsim", "airframes": ["x8"]},
 }
-BUFFERS = [0.0, 0.5]
 # filter.kind -> the values that are tried of each field; every combination is flown.
 GRIDS: dict[str, list[dict[str, list[Any]]]] = {
     "none": [{}],
     "centralised": [
-        {"filter.cost": ["raw", "range"], "alpha.coefficient": [0.1, 1.0], "remedy.ds_buffer_m": [0.5]},
-        {"alpha.coefficient": [1.0], "remedy.ds_buffer_m": [0.0]},
+        {"filter.cost": ["raw", "range"], "alpha.coefficient": [1.0], "remedy.ds_buffer_m": [0.5]},
     ],
-    "flow": [{"filter.margin_m": [0.0, 0.5, 2.0], "filter.kappa": [0.1, 0.5]}],
-    "collision-cone": [
-        {"filter.decay_per_s": [1.0, 3.0], "remedy.ds_buffer_m": BUFFERS},
-        {"filter.range_m": [400.0], "remedy.ds_buffer_m": [0.5]},
-    ],
+    "collision-cone": [{"filter.decay_per_s": [1.0, 3.0], "remedy.ds_buffer_m": [0.5]}],
     "optimal-decay": [
-        {"filter.decay_weight": [0.01, 1.0], "alpha.coefficient": [0.1, 1.0], "remedy.ds_buffer_m": [0.5]},
-        {"alpha.coefficient": [1.0], "remedy.ds_buffer_m": [0.0]},
+        {"filter.decay_weight": [0.01, 1.0], "alpha.coefficient": [1.0], "remedy.ds_buffer_m": [0.5]}
     ],
     "velocity-obstacles": [
-        {"filter.horizon_s": [5.0, 10.0], "filter.response_s": [1.0, 2.0], "remedy.ds_buffer_m": BUFFERS},
-        {"filter.space": ["full"], "remedy.ds_buffer_m": [0.5]},
+        {"filter.horizon_s": [5.0], "filter.response_s": [1.0, 2.0], "remedy.ds_buffer_m": [0.0, 0.5]},
+        {"filter.horizon_s": [10.0], "filter.response_s": [1.0], "remedy.ds_buffer_m": [0.0, 0.5]},
     ],
-    "backup": [
-        {"filter.alpha_per_s": [1.0, 2.0, 5.0], "filter.margin_m": [0.2, 0.5]},
-        {"filter.blending": ["regulation"], "filter.beta_per_m": [0.1, 0.3], "filter.margin_m": [0.2]},
-    ],
-    "gatekeeper": [{"filter.horizon_s": [0.5, 2.0], "filter.margin_m": [0.2, 0.5]}],
-    "receding-horizon": [{"filter.kappa": [0.2, 0.5], "filter.margin_m": [0.2, 0.5]}],
 }
 RESULTS = ("lost", "late", "altered")
 COLUMNS = ("setting", "best", "n", *(f"{what}_{plant}" for plant in PLANTS for what in RESULTS))
