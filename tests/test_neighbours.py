@@ -9,11 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import testbed
 from filters.barriers.class_k import cubic, linear
 from filters.barriers.closed_form import TurnBarrier
 from filters.barriers.reach import Neighbours, inverse, within
 from filters.cbf.collision import CollisionFilter
 from filters.model import Command, Limits, State, View
+from testbed.components import catalogue
+from testbed.scenario import near_pairs
 from testbed.scenario.near_pairs import ABOVE, near_only, why_all
 from testbed.verification.check import check
 from tests.neighbour_runs import assert_equal_to_the_last_bit, city, flown
@@ -111,6 +114,14 @@ def test_of_two_vehicles_far_from_all_others_the_nearest_is_still_judged(monkeyp
     near, whole = flown(monkeypatch, s, 2), flown(monkeypatch, s, 1000)
     assert [v.to_json() for v in near.guarantees] == [v.to_json() for v in whole.guarantees]
     assert not len(near.pairs)
+
+
+def test_a_filter_of_ones_own_around_the_catalogues_is_shown_all_pairs(monkeypatch):
+    monkeypatch.setattr(near_pairs, "ABOVE", 2)
+    parts = testbed.Parts(filter=lambda s, barrier, goal: catalogue.filter_(s, barrier, goal))
+    run = testbed.run(city(8, "unicycle", "limited", 0.25, 100e-6), force=True, parts=parts)
+    assert run.manifest["ended_early"] is None and "near_pairs" not in run.manifest
+    assert len(run.pairs) == 6 * 28
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ The rows (`constraints`) are solved either for all vehicles at once ("centralise
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Literal
 
@@ -96,6 +97,12 @@ class CollisionFilter:
         self.alpha, self.mode, self.margin, self.solver = alpha, mode, margin, solver
         self.also, self.intruders, self.near = tuple(also), intruders, near
         self._gamma: dict[int, Array | None] = {}
+
+    def looking_at(self, near: Neighbours) -> CollisionFilter:
+        """The same filter, which looks at near pairs only."""
+        made = copy(self)
+        made.near = near
+        return made
 
     @property
     def declaration(self) -> Declaration:

@@ -26,7 +26,6 @@ from testbed.components.following.arrival import CircleAtGoal
 from testbed.components.following.making import Fleet, fleet_guidance
 from testbed.components.guidance import Guidance
 from testbed.components.initial_conditions import generators, places
-from testbed.components.neighbours import neighbours
 from testbed.errors import UserError
 from testbed.scenario import control, fleet, guidance_rules
 from testbed.scenario.location import path_of, relative
@@ -82,7 +81,6 @@ def _collision(s: Scenario, b: Barrier, goal: Array) -> Filter:
         also=() if fenced is None else (FenceConstraints(fenced, alpha(s)),),
         intruders=intruders(s),
         cost=said.cost,
-        near=neighbours(s, own, alpha(s), limits(s)),
     )
     return Monitor(made) if said.monitor else made
 

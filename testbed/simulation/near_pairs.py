@@ -9,20 +9,21 @@ that cannot be shown the stretch takes more pairs, in the end all.
 from __future__ import annotations
 
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from filters.barriers.pairs import FEW, Barrier, all_pairs
 from filters.barriers.reach import Neighbours, Pairs, within
+from filters.cbf.collision import CollisionFilter
 from filters.constraints import Alpha
 from filters.model import Array, Limits, State
 from filters.qp.single import Status
 from testbed.components import catalogue
 from testbed.components.neighbours import neighbours
 from testbed.measures.run_statistics import RunStatistics
-from testbed.simulation.assembly import Setting
+from testbed.simulation.assembly import Assembled, Setting
 from testbed.simulation.step_buffer import StepBuffer
 
 # How far paths may leave the lines between samples [m]: far more than at any period that is allowed.
@@ -135,6 +136,13 @@ def near_pairs(setting: Setting, own: Container[str]) -> NearPairs | None:
     solves = s.filter.kind != "none"
     rest = setting.limits, found.h, solves, s.rates.filter_dt_s
     return NearPairs(found, setting.barrier, alpha, *rest)
+
+
+def with_near_filter(made: Assembled, near: NearPairs | None) -> Assembled:
+    """The parts, the scenario's own filter looking at near pairs where the run does."""
+    if near is None or not isinstance(made.filter, CollisionFilter):
+        return made
+    return replace(made, filter=made.filter.looking_at(near.near))
 
 
 def _furthest(places: Array) -> float:

@@ -25,7 +25,7 @@ from testbed.simulation.assembly import Assembled, Setting, put_together, set_up
 from testbed.simulation.counting import counted
 from testbed.simulation.judgement import judge
 from testbed.simulation.leaving import leaving
-from testbed.simulation.near_pairs import near_pairs
+from testbed.simulation.near_pairs import near_pairs, with_near_filter
 from testbed.simulation.recorder import Recorder
 from testbed.simulation.step import Step, advance, given, unfiltered
 from testbed.simulation.step_buffer import StepBuffer, keep_freed_memory
@@ -81,6 +81,8 @@ class Session:
             self._end = termination.ended(termination.raised("", breach, 0), 0.0)
         made = self._made
         near = near_pairs(setting, self._own) if made else None
+        if made:
+            self._made = made = with_near_filter(made, near)
         self._statistics = counted(setting, made, self._own, near)
         self._memory = MemorySink() if self._sink is None else None
         self._rows = RowWriter(self._sink or self._memory)  # type: ignore[arg-type]
