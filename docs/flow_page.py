@@ -21,6 +21,7 @@ PAGE = GUIDE / "flow-measured.md"
 TITLES = {
     "lagged": "Twenty vehicles on the lagged plant, 40 s, m = 0",
     "pairs": "Two X8s in JSBSim, 30 s, m = 2 m",
+    "ring": "Around the roundabout in JSBSim, twenty for 30 s, fifty for 35 s, m = 2 m, kappa = 0.5",
 }
 BOTH, D_SAFE_M = ("x8", "rascal"), 5.0
 LAYERS = [Cell(a, 20, "swap", air, KEPT, EVADING) for a in BOTH for air in ("calm", "windy")]
@@ -101,21 +102,20 @@ def _aims(flown: pd.DataFrame, answer: pd.DataFrame) -> Iterator[tuple[str, str,
                 share = of.arrived_share.mean()
                 yield (
                     f"{cell}",
-                    f"no run loses Ds, h >= 0 in 95 % of runs, {arrive:.0%} arrive".replace("%", " %"),
+                    f"20 runs: none loses Ds, h >= 0 in 95 %, {100 * arrive:.0f} % of vehicles arrive",
                     f"{lost} of {len(of)} lost, h >= 0 in {100 * kept:.0f} %, {100 * share:.2f} % arrive",
-                    _met(lost == 0 and kept >= 0.95 and share >= arrive),
+                    _met(lost == 0 and kept >= 0.95 and share >= arrive, len(of) >= 20),
                 )
-    for cell, metres, by in zip(RINGS, (12, 7), (30, 35), strict=True):
-        if not (of := _runs(answer, cell)).empty:
-            last = of.goal_passed_s.max() if of.goal_passed_s.notna().all() else float("inf")
-            yield (
-                f"{cell}",
-                f"least distance {metres} m, all arrive within {by} s",
-                f"{of.distance_m.min():.2f} m, "
-                + (f"all by {last:.1f} s" if last < 1e9 else f"{100 * of.arrived_share.mean():.1f} % arrive")
-                + f", {len(of)} runs",
-                _met(of.distance_m.min() >= metres and last <= by),
-            )
+    for case, of in flown[flown.table == "ring"].groupby("case", sort=False):
+        metres, by, n = (12, 30, 20) if case.startswith("20") else (7, 35, 5)
+        home = of.arrived.sum() == of.vehicles.sum()
+        yield (
+            f"{case}, swap, calm; {FASTER}; roundabout",
+            f"least distance {metres} m, all arrive within {by} s, {n} runs",
+            f"{of.distance_m.min():.2f} m, {of.arrived.sum()} of {of.vehicles.sum()} arrive, the last at"
+            f" {of.last_s.max():.1f} s, {len(of)} runs",
+            _met(of.distance_m.min() >= metres and home and len(of) >= n),
+        )
     for case, of in flown[flown.table == "pairs"].groupby("case", sort=False):
         if case.startswith(("ArduPlane", "PX4")):
             lost = _lost(of)
@@ -131,8 +131,8 @@ def _runs(answer: pd.DataFrame, cell: Cell) -> pd.DataFrame:
     return answer[(answer[COLUMNS] == list(cell)).all(axis=1)]
 
 
-def _met(reached: bool) -> str:
-    return "yes" if reached else "**no**"
+def _met(reached: bool, enough: bool = True) -> str:
+    return ("yes" if enough else "yes, in fewer runs than asked for") if reached else "**no**"
 
 
 def _lost(rows: pd.DataFrame) -> list[bool]:

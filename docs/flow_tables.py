@@ -1,6 +1,7 @@
 """Flies the flow filter on fresh seeds, for docs/guide/flow-measured.md.
 
     python docs/flow_tables.py lagged          # twenty vehicles on the lagged plant, 10 seeds, both airframes
+    python docs/flow_tables.py ring            # around the roundabout: 20 and 50
     python docs/flow_tables.py pairs [SEEDS [AUTOPILOT ...]]   # two X8s, head-on and crossing
     python docs/flow_tables.py slowed FOLDER [SEEDS]   # the same of an airframe of your own
     python docs/flow_page.py                   # the page, of what has been flown
@@ -32,12 +33,22 @@ COMMON = (
 )  # fmt: skip
 LAGGED = ('plant="lagged"', 'lags.source="airframe"', "duration_s=40", "filter.margin_m=0")
 JSBSIM = ('plant="jsbsim"', "filter.margin_m=2")
+ON_THE_RING = (*(c for c in COMMON if "lookahead" not in c), 'guidance.kind="roundabout"', "filter.kappa=0.5")
+RINGS = {
+    20: ("duration_s=30",),
+    50: ("vehicles=50", "duration_s=35", "start.lateral_perturbation_m=5"),
+}
 FLOWN = {"ArduPlane": "x8@arduplane", "PX4": "x8@px4", "inverting": "x8"}
 MEETINGS = {"head-on": ("paper-2-turn", "duration_s=30"), "crossing": ("crossing", "duration_s=30")}
 
 
 def cases(table: str) -> dict[str, tuple[str, tuple[str, ...]]]:
     """case -> built-in scenario and what is set in it."""
+    if table == "ring":
+        return {
+            f"{n} {a}": ("paper-20-turn", (*ON_THE_RING, *JSBSIM, f'airframes=["{a}"]', *RINGS[n]))
+            for n, a in ((20, "x8"), (50, "x8"))
+        }
     if table == "lagged":
         return {a: ("paper-20-turn", (*COMMON, *LAGGED, f'airframes=["{a}"]')) for a in ("x8", "rascal")}
     return {
@@ -77,12 +88,12 @@ def flown() -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def add(table: str, seeds: int) -> None:
-    """Fly what is missing of a table, seed by seed over all cases."""
+def add(table: str, seeds: int, only: str = "") -> None:
+    """Fly what is missing of a table, seed by seed over all cases, or over those that begin with `only`."""
     known = {(r["table"], r["case"], r["seed"]) for r in flown()}
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
         for case in cases(table):
-            if (table, case, str(seed)) in known:
+            if (table, case, str(seed)) in known or not case.startswith(only):
                 continue
             begun = time.monotonic()
             row = fly(table, case, seed)
@@ -101,6 +112,9 @@ def add(table: str, seeds: int) -> None:
 def main(asked: list[str]) -> int:
     if asked[:1] == ["lagged"]:
         add("lagged", 10)
+    elif asked[:1] == ["ring"]:
+        add("ring", 20, "20 ")
+        add("ring", 5, "50 ")
     elif asked[:1] == ["pairs"]:
         if asked[2:]:  # only these autopilots
             for name in set(FLOWN) - set(asked[2:]):

@@ -140,3 +140,11 @@ def test_the_page_is_the_committed_table_and_that_follows_from_every_run() -> No
     assert {Cell(*key) for key in kept[COLUMNS].itertuples(index=False)} <= set(design.CELLS)
     flown, runs = pd.read_csv(KEPT.parent / "flow.csv"), pd.read_csv(KEPT / "runs.csv")
     assert flow_page.page(flown, runs) == flow_page.PAGE.read_text("utf-8"), "python docs/flow_page.py"
+    for text in (page, (ROOT / "README.md").read_text("utf-8")):
+        said = " ".join(text.split())
+        for cells in (flow_page.LAYERS, flow_page.RANDOM[:1], flow_page.RANDOM[1:]):
+            of = kept[[Cell(*key) in cells for key in kept[COLUMNS].itertuples(index=False)]]
+            lost, below, n = of.lost.sum(), of.h_below_0.sum(), of.runs.sum()
+            home = round((of.arrived_share * of.runs * of.number).sum())
+            assert f"lost Ds in {lost} of {n} runs, h fell below 0 in {below}" in said
+            assert f"{home} of {(of.runs * of.number).sum()} arrived" in said
