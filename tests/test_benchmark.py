@@ -20,7 +20,7 @@ from testbed.studies.benchmark import table
 from testbed.studies.benchmark.benchmark import Cell, fly_all, plan
 from testbed.studies.benchmark.file import EncounterSet, load, shortened
 from testbed.studies.benchmark.meetings import meetings, perturbed
-from testbed.studies.benchmark.search import tried
+from testbed.studies.benchmark.search import settings_of, tried
 
 TINY = """
 name = "tiny"
@@ -80,7 +80,9 @@ def test_the_ready_benchmark_is_as_large_as_its_page_says() -> None:
     for name in b.candidates:
         assert len(b.candidates[name]) == 3, "every filter's search is as long as the others'"
     assert set(b.candidates) == set(b.filters) - {b.without}
-    assert tried(b, 2).seed != b.seed
+    again = tried(b, 2)
+    assert again.seed != b.seed and len(again.filters) == 4 * len(b.candidates)
+    assert all(len({json.dumps(x) for x in settings_of(b, name)}) == 4 for name in b.candidates)
 
 
 def test_a_perturbed_encounter_keeps_the_others_paths_and_moves_them() -> None:
@@ -221,6 +223,22 @@ def test_a_mistake_in_the_file_is_one_line(
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1 and MISTAKES[text] in lines[0], lines
     assert not (tmp_path / "out").exists()
+
+
+def test_the_guides_page_is_that_of_its_data() -> None:
+    import runpy
+
+    guide = Path(__file__).parent.parent / "docs"
+    made = runpy.run_path(str(guide / "field_page.py"))["page"]()
+    assert made == (guide / "guide" / "field.md").read_text(encoding="utf-8")
+    data = json.loads((guide / "guide" / "data" / "field" / "benchmark.json").read_text())
+    b = load("field")[0].model_dump(mode="json")
+    # The page is of the benchmark that comes with the package, settings as its search chose them.
+    assert data["benchmark"] == b
+    searched = json.loads((guide / "guide" / "data" / "field" / "search.json").read_text())
+    assert {r["filter"]: r["fields"] for r in searched["rows"] if r["chosen"]} == {
+        name: b["filters"][name] for name in b["candidates"]
+    }
 
 
 def test_a_set_says_what_it_is_of() -> None:

@@ -80,7 +80,7 @@ class Benchmark(Section):
     set: dict[str, Any] = Field(default={}, description="fields of every run")
     filters: dict[str, dict[str, Any]] = Field(description="name -> fields; filter.kind at least")
     candidates: dict[str, list[dict[str, Any]]] = Field(
-        default={}, description="filter -> settings that --search tries beside those of [filters]"
+        default={}, description="filter -> settings that --search tries in place of those of [filters]"
     )
     share: dict[str, Annotated[float, Field(gt=0, le=1)]] = Field(
         default={}, description="filter -> share of each set's encounters that it flies, where a step is dear"

@@ -24,10 +24,10 @@ SEEDS_APART = 1000
 def tried(b: Benchmark, n: int) -> Benchmark:
     """The benchmark that flies every candidate: on the last plant, `n` encounters of each set of two."""
     filters = {
-        f"{name} {k}": {**fields, **more}
-        for name, fields in b.filters.items()
+        f"{name} {k}": fields
+        for name in b.filters
         if name in b.candidates
-        for k, more in enumerate([{}, *b.candidates[name]], 1)
+        for k, fields in enumerate(settings_of(b, name), 1)
     }
     if not filters:
         raise UserError(f"{b.name}: has no [candidates] to search among")
@@ -42,6 +42,12 @@ def tried(b: Benchmark, n: int) -> Benchmark:
     }
     changed |= {"seed": b.seed + SEEDS_APART, "reference": "", "without": ""}
     return shortened(b.model_copy(update=changed), n)
+
+
+def settings_of(b: Benchmark, name: str) -> list[dict[str, Any]]:
+    """What is tried of a filter: its own settings, and each candidate in their place."""
+    kind = {"filter.kind": b.filters[name].get("filter.kind")}
+    return [b.filters[name], *(kind | more for more in b.candidates[name])]
 
 
 def search(source: str, out: Path, n: int, workers: int | None = None, minutes: float | None = None) -> Found:
@@ -73,12 +79,13 @@ def chosen(b: Benchmark, found: Sequence[Mapping[str, Any]]) -> list[dict[str, A
     why = {r["filter"]: r["why"] for r in found if not r["runs"]}
     kept = ("runs", "lost", "altered", "nmac", "arrived")
     made = []
-    for name, more in b.candidates.items():
-        labels = [f"{name} {k}" for k in range(1, len(more) + 2)]
+    for name in b.candidates:
+        tried_ = settings_of(b, name)
+        labels = [f"{name} {k}" for k in range(1, len(tried_) + 1)]
         known = [label for label in labels if label in of]
         best = min(known, key=lambda x: (of[x]["lost"] / of[x]["runs"], of[x]["altered"]), default=None)
-        for label, fields in zip(labels, ({}, *more), strict=True):
-            row = {"filter": name, "fields": b.filters[name] | fields, "chosen": label == best}
+        for label, fields in zip(labels, tried_, strict=True):
+            row = {"filter": name, "fields": fields, "chosen": label == best}
             numbers = {c: of[label][c] for c in kept} if label in of else {"why": why.get(label, "")}
             made.append(row | numbers)
     return made
