@@ -416,6 +416,17 @@ def test_what_it_cannot_take_is_refused(fields: dict[str, object], said: str) ->
         encounter(**fields)
 
 
+def test_on_unicycles_the_models_clearance_is_the_papers_h(tmp_path: Path) -> None:
+    """They do not lag, whatever the airframe's lags are; a table of lags is believed."""
+    flown = testbed.run(encounter(plant="unicycle", duration_s=0.1), str(tmp_path / "run"))
+    clearance = flown.guarantee("monitor-flow_clear")["value"]
+    assert clearance == pytest.approx(flown.guarantee("safe-set")["value"], abs=1e-4)
+    assert not differing(tmp_path / "run")
+    table = {"plant": "unicycle", "lags.source": "table", "lags.omega_time_constant_s": 0.5}
+    lagged = testbed.run(encounter(duration_s=0.1, **table))
+    assert lagged.guarantee("monitor-flow_clear")["value"] < clearance - 1
+
+
 def test_a_barrier_without_a_circle_is_refused() -> None:
     straight = load("paper-2-straight", ['filter.kind="flow"', 'plant="lagged"'])
     with pytest.raises(testbed.UserError, match="one turn rate for all, not zero"):

@@ -130,9 +130,9 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
         raise UserError("filter.kind: 'flow' needs one evading manoeuvre, and this barrier has none for all")
     try:
         flying = airframes(s) if s.plant == "jsbsim" else []
-        margin, numbers = flow_margin(s, gamma, lags(s), limits(s), flying)
+        margin, numbers = flow_margin(s, gamma, model_lags(s), limits(s), flying)
         made = FlowFilter(
-            lags(s),
+            model_lags(s),
             gamma,
             s.d_safe_m,
             s.rates.filter_dt_s,
@@ -150,9 +150,7 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
 
 
 def _plans(s: Scenario, b: Barrier, goal: Array) -> Filter:
-    # A unicycle does not lag, unless the table of lags says that the filter believes so.
-    exact = s.plant == "unicycle" and s.lags.source == "airframe"
-    return rivals.plans_filter(s, b, [(Lag(0.0),) * 3] if exact else lags(s))
+    return rivals.plans_filter(s, b, model_lags(s))
 
 
 def _rival(s: Scenario, b: Barrier, goal: Array) -> Filter:
@@ -250,6 +248,13 @@ def lags(s: Scenario) -> list[tuple[Lag, ...]]:
     if s.lags.source == "table" and s.plant != "jsbsim":
         return [remedies.lag_table(s.lags)]
     return [remedies.identified_lags(airframe, s.lags.limits) for airframe in airframes(s)]
+
+
+def model_lags(s: Scenario) -> list[tuple[Lag, ...]]:
+    """The lags in the model of a filter that has one; a unicycle has none, unless the table says some."""
+    if s.plant == "unicycle" and s.lags.source == "airframe":
+        return [(Lag(0.0),) * 3]
+    return lags(s)
 
 
 def airframes(s: Scenario) -> list[Any]:

@@ -16,7 +16,7 @@ Progress = Callable[[float, float], None]
 
 def run(
     scenario: Scenario,
-    out: Path | None = None,
+    out: str | Path | None = None,
     *,
     force: bool = False,
     overwrite: bool = False,
@@ -34,6 +34,7 @@ def run(
     """
     if out is None:
         return _fly(assemble(scenario, parts, force=force), progress)
+    out = Path(out)
     with staged(out, overwrite) as folder:
         writer = RunWriter(folder)
         writer.finish(_fly(assemble(scenario, parts, force=force, sink=writer), progress))

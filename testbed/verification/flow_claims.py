@@ -29,6 +29,8 @@ PLANS, PLANS_BOUND = "monitor-plan_clear", -0.01
 SPARE_MPS = 1.0
 
 STEP_S = 0.005
+# What stands for no lag [s], and for rates of change without a limit.
+NO_LAG_S, NO_LIMIT = 1e-9, 1e9
 # Time constants after which nothing is left of a lag.
 TAIL = 14.0
 # What steps of 5 ms may have done to a distance along the flow [m].
@@ -49,7 +51,8 @@ class Lagging:
     def of(cls, known: Array) -> Lagging:
         """From (N, 3, 4), see `filter_view.lags`."""
         constant, delay, fall, rise = np.moveaxis(known, -1, 0)
-        return cls(np.maximum(constant, 1e-9), delay, np.minimum(fall, 1e9), np.minimum(rise, 1e9))
+        fall, rise = np.minimum(fall, NO_LIMIT), np.minimum(rise, NO_LIMIT)
+        return cls(np.maximum(constant, NO_LAG_S), delay, fall, rise)
 
     def stepped(self, y: Array, told: Array, long: Array | float) -> Array:
         """The channels (..., N, 3) after `long` [s] under commands `told`."""
@@ -84,8 +87,8 @@ def flow_claims(rows: Rows) -> Iterator[Finding]:
 
 
 def _lags(s: dict[str, Any]) -> Array | None:
-    """Of the filter's model; those of rivals are none on a unicycle, unless a table says some."""
-    if s["plant"] == "unicycle" and s["lags"]["source"] == "airframe" and s["filter"]["kind"] != "flow":
+    """Of the filter's model; on a unicycle there are none, unless a table says some."""
+    if s["plant"] == "unicycle" and s["lags"]["source"] == "airframe":
         return np.tile([0.0, 0.0, np.inf, np.inf], (s["vehicles"], 3, 1))
     return lags(s)
 
@@ -222,12 +225,14 @@ def _flown_on(run: Recorded, here: slice, rates: Array, late: Array, lagging: La
     least = np.full((len(place), i.size), np.inf)
     gap = np.abs(rates - gamma).max(axis=0, initial=0.0)
     slowest = np.minimum(lagging.fall, lagging.rise)
+    # Without a lag the whole of a step has its last value.
+    at_once = (lagging.constant <= NO_LAG_S) & (slowest >= NO_LIMIT)
     settled = 2 * lagging.delay + dt + 2 * gap / slowest + TAIL * lagging.constant
     for ahead in range(int(np.ceil(settled.max() / dt)) + 1):
         y, values = _period(y, told, lagging, dt, ahead)
         long = dt / (len(values) - 1)
         for a, b in pairwise(values):
-            mean = 0.5 * (a + b)
+            mean = np.where(at_once, b, 0.5 * (a + b))
             turned = theta + 0.5 * mean[..., 1] * long
             place = place + mean[..., 0] * long * np.exp(1j * turned)
             theta, height = theta + mean[..., 1] * long, height + mean[..., 2] * long

@@ -67,7 +67,7 @@ class Comparison:
 
 def compare(
     runs: Mapping[str, Scenario | Run],
-    out: Path | None = None,
+    out: str | Path | None = None,
     *,
     force: bool = False,
     overwrite: bool = False,
