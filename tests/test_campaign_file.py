@@ -110,7 +110,7 @@ def test_the_campaigns_that_come_with_the_package_resolve(name: str) -> None:
     campaign, here = file.load(name)
     made = expand(campaign, bases(campaign, here))
     assert campaign.name == name and campaign.description
-    assert len({r.id for r in made.runs}) == len(made.runs) >= 80
+    assert len({r.id for r in made.runs}) == len(made.runs) >= 10
     assert file.load(f"{name}.toml")[0] == campaign
 
 

@@ -25,6 +25,8 @@ HOMONYMS = {
         "testbed/components/own_code/roles.py",
         "testbed/encounters/scenarios.py",
         "testbed/scenario/contents.py",
+        "testbed/studies/benchmark/file.py",
+        "testbed/studies/benchmark/meetings.py",
         "testbed/verification/departed.py",
         "testbed/verification/settings.py",
     },

@@ -80,7 +80,10 @@ def test_seeds_that_change_nothing_are_refused_and_the_remedy_works() -> None:
 def plan(*cells: tuple[int, list[dict[str, float]], tuple[str, ...]], stop: object = None) -> Any:
     """A plan whose cells have so many seeds, with these draws, and these parts of the user's own."""
     listed = [SimpleNamespace(number=k, label=f"cell {k}", own=own) for k, (_, _, own) in enumerate(cells)]
-    runs = [[SimpleNamespace(draws=draws[n % len(draws)]) for n in range(seeds)] for seeds, draws, _ in cells]
+    runs = [
+        [SimpleNamespace(base=0, draws=draws[n % len(draws)]) for n in range(seeds)]
+        for seeds, draws, _ in cells
+    ]
     roles = {"a": "plant", "b": "environment", "c": "filter", "d": "guidance"}
     return SimpleNamespace(
         cells=listed,

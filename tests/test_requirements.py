@@ -395,13 +395,14 @@ def test_a_campaign_records_the_robustness_of_each_run() -> None:
 
 def test_a_campaign_s_requirements_are_checked_and_part_of_its_runs(tmp_path: Path) -> None:
     from testbed.campaigns.file import load as campaign
-    from testbed.campaigns.plan import base, expand
+    from testbed.campaigns.bases import bases
+    from testbed.campaigns.plan import expand
 
     def plan(text: str) -> Any:
         file = tmp_path / "c.toml"
         file.write_text('name = "c"\nscenario = "paper-2-turn"\nseeds = 1\n' + text)
         found, here = campaign(str(file))
-        return expand(found, base(found, here), code="x")
+        return expand(found, bases(found, here), code="x")
 
     plain = plan("")
     asked = plan(f'guarantee = "apart"\n[requirements]\napart = "{FORMULA}"\n')

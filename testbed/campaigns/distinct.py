@@ -22,8 +22,8 @@ def check_distinct(plan: Plan) -> None:
     for cell in plan.cells:
         if any(plan.parts.origins[label]["role"] in DRAWING for label in cell.own):
             continue  # a part of the user's own may draw from the generators it is given
-        several = len(plan.campaign.seed_list)
         runs = plan.of(cell.number)
+        several = sum(r.base == runs[0].base for r in runs)
         if several < 2 or any(r.draws != runs[0].draws for r in runs):
             continue
         if not all(random_fields(parse(plan.data(runs[k]))) for k in range(0, len(runs), several)):
