@@ -394,8 +394,8 @@ def test_a_campaign_records_the_robustness_of_each_run() -> None:
 
 
 def test_a_campaign_s_requirements_are_checked_and_part_of_its_runs(tmp_path: Path) -> None:
-    from testbed.campaigns.file import load as campaign
     from testbed.campaigns.bases import bases
+    from testbed.campaigns.file import load as campaign
     from testbed.campaigns.plan import expand
 
     def plan(text: str) -> Any:
