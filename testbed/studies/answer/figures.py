@@ -42,7 +42,7 @@ def answer(table: pd.DataFrame, folder: Path) -> list[Path]:
             )
         names = [str(Cell(*key)) for key in table[COLUMNS].itertuples(index=False)]
         a.set_yticks(y, names)
-        a.set(xlabel="runs that lose Ds [%], 95 % Clopper-Pearson interval")
+        a.set(xlabel="runs lost [%], 95 % intervals")
         a.set(xlim=(-2, 102), ylim=(-0.7, len(table) - 0.3))
         figure.legend(loc="outside upper right", ncols=4)
         return save(figure, folder, "answer")
