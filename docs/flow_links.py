@@ -10,10 +10,11 @@ A run that is in docs/guide/data/flow-links.csv is not flown again.
 
 from __future__ import annotations
 
-import csv
 import sys
 from pathlib import Path
 from typing import Any
+
+from flow_rows import append, flown
 
 import testbed
 from testbed.scenario.scenario import load
@@ -90,28 +91,15 @@ def fly(table: str, case: str, seed: int) -> dict[str, Any]:
     }
 
 
-def flown() -> list[dict[str, str]]:
-    """The rows there are."""
-    if not DATA.exists():
-        return []
-    with DATA.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def add(table: str, seeds: int) -> None:
     """Fly what is missing of a table, seed by seed over all cases."""
-    known = {(r["table"], r["case"], r["seed"]) for r in flown()}
+    known = {(r["table"], r["case"], r["seed"]) for r in flown(DATA)}
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
         for case in cases(table):
             if (table, case, str(seed)) in known:
                 continue
             row = fly(table, case, seed)
-            new = not DATA.exists()
-            with DATA.open("a", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-                if new:
-                    writer.writeheader()
-                writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+            append(DATA, COLUMNS, row)
             print(row, flush=True)
 
 
@@ -151,7 +139,7 @@ def page() -> str:
     """The page, in Markdown."""
     lines = [HEADING]
     for table, title in TITLES.items():
-        rows = [r for r in flown() if r["table"] == table]
+        rows = [r for r in flown(DATA) if r["table"] == table]
         if rows:
             lines += [f"## {title}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
             named = dict.fromkeys(r["case"] for r in rows)

@@ -11,11 +11,12 @@ A run that is in docs/guide/data/flow.csv is not flown again. Fleets in JSBSim a
 
 from __future__ import annotations
 
-import csv
 import sys
 import time
 from pathlib import Path
 from typing import Any
+
+from flow_rows import append, flown
 
 import testbed
 from testbed.scenario.scenario import load
@@ -80,29 +81,16 @@ def fly(table: str, case: str, seed: int) -> dict[str, Any]:
     }
 
 
-def flown() -> list[dict[str, str]]:
-    """The rows there are."""
-    if not DATA.exists():
-        return []
-    with DATA.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def add(table: str, seeds: int, only: str = "") -> None:
     """Fly what is missing of a table, seed by seed over all cases, or over those that begin with `only`."""
-    known = {(r["table"], r["case"], r["seed"]) for r in flown()}
+    known = {(r["table"], r["case"], r["seed"]) for r in flown(DATA)}
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
         for case in cases(table):
             if (table, case, str(seed)) in known or not case.startswith(only):
                 continue
             begun = time.monotonic()
             row = fly(table, case, seed)
-            new = not DATA.exists()
-            with DATA.open("a", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-                if new:
-                    writer.writeheader()
-                writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+            append(DATA, COLUMNS, row)
             print(
                 f"{table} {case} {seed}: {row['distance_m']:.3f} m, {time.monotonic() - begun:.0f} s",
                 flush=True,

@@ -18,6 +18,7 @@ from filters.flow.channels import Channels
 from filters.flow.flow_filter import FlowFilter
 from filters.flow.phases import Phases
 from filters.flow.reach import Reach, furthest
+from filters.flow.rollout import Paths
 from filters.flow.separation import Kept, samples
 from filters.model import Command, Limits, State, View, step
 from testbed.components import flow_margin
@@ -196,18 +197,22 @@ def test_gamma_keeps_every_row_and_rows_are_separable(seed: int) -> None:
     assert np.all(nearest <= np.sqrt(dense**2 + wide * 0.005**2) + 1e-9)
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6))
-def test_no_input_moves_a_vehicle_further_than_the_bound(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    n, flow = 6, flow_of(6)
+def moves(rng: np.random.Generator, n: int) -> tuple[State, Reach, Paths, Paths]:
+    """Drawn vehicles, how far inputs may move them, gamma's paths, and those of corners and inputs drawn."""
+    flow = flow_of(n)
     state, rates, queued = drawn(rng, n, flow.depth)
     begun = flow.begin(state, rates, queued, flow.times(rates))
     low, high = np.tile(LOW, (n, 1)), np.tile(HIGH, (n, 1))
     bound = furthest(begun, *flow.covered(begun, np.stack([flow.gamma, low, high])))
-    gamma = flow.roll(begun, flow.gamma)
     corners = np.where(rng.random((20, n, 3)) < 0.5, low, high)
-    moved = flow.roll(begun, np.concatenate([corners, rng.uniform(low, high, (20, n, 3))]))
+    every = np.concatenate([corners, rng.uniform(low, high, (20, n, 3))])
+    return state, bound, flow.roll(begun, flow.gamma), flow.roll(begun, every)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6))
+def test_no_input_moves_a_vehicle_further_than_the_bound(seed: int) -> None:
+    _, bound, gamma, moved = moves(np.random.default_rng(seed), 6)
     up = moved.z - gamma.z
     far = np.hypot(np.abs(moved.at - gamma.at), up)
     assert np.all(far <= bound.at + 1e-9)
@@ -223,14 +228,8 @@ def test_no_input_moves_a_vehicle_further_than_the_bound(seed: int) -> None:
 def test_no_input_moves_a_vehicle_further_against_a_direction_than_its_bound(seed: int) -> None:
     """Corners of the box and drawn inputs; random unit vectors at all instants and phases of the circle."""
     rng = np.random.default_rng(seed)
-    n, flow = 6, flow_of(6)
-    state, rates, queued = drawn(rng, n, flow.depth)
-    begun = flow.begin(state, rates, queued, flow.times(rates))
-    low, high = np.tile(LOW, (n, 1)), np.tile(HIGH, (n, 1))
-    bound = furthest(begun, *flow.covered(begun, np.stack([flow.gamma, low, high])))
-    gamma = flow.roll(begun, flow.gamma)
-    corners = np.where(rng.random((20, n, 3)) < 0.5, low, high)
-    moved = flow.roll(begun, np.concatenate([corners, rng.uniform(low, high, (20, n, 3))]))
+    n = 6
+    state, bound, gamma, moved = moves(rng, n)
     turn = np.exp(1j * rng.uniform(-np.pi, np.pi, (n, 60)))
     circle = [x.centre[..., None] + x.arm[..., None] * turn for x in (gamma, moved)]
     at = np.concatenate([gamma.at, circle[0]], axis=-1)

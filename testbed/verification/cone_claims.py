@@ -42,20 +42,9 @@ def cone_claims(rows: Rows) -> Iterator[Finding]:
 
 def _unknown(rows: Rows) -> str:
     """Why h cannot be told from the record; empty if it can."""
-    run, s = rows.run, rows.s
-    if run.ended:
-        return "the run ended early"
-    if not run.complete:
-        return "not every step of the filter is recorded"
-    if isinstance(rows.seen, str):
-        return rows.seen
-    if rows.seen.position is not run.position:
-        return "the filter saw other poses than those recorded"
-    if run.left_s is not None or s["sensing"].get("range_m") is not None:
-        return "not every pair was looked at in every step"
-    if s["network"]["latency_s"] or s["network"]["loss"]:
-        return "each vehicle saw late poses of the others"
-    return ""
+    network = rows.s["network"]
+    late = network["latency_s"] or network["loss"]
+    return rows.untold or ("each vehicle saw late poses of the others" if late else "")
 
 
 def _cones(run: Recorded) -> tuple[Array, Array, list[list[int]]]:

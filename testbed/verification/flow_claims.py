@@ -72,7 +72,7 @@ def flow_claims(rows: Rows) -> Iterator[Finding]:
     names = [id for id in BOUNDS if id in run.guarantees]
     if not names:
         return
-    why = _unknown(rows)
+    why = rows.untold
     known = _lags(rows.s)
     if not why and known is None:
         why = "the lags of the model are not to be found"
@@ -91,22 +91,6 @@ def _lags(s: dict[str, Any]) -> Array | None:
     if s["plant"] == "unicycle" and s["lags"]["source"] == "airframe":
         return np.tile([0.0, 0.0, np.inf, np.inf], (s["vehicles"], 3, 1))
     return lags(s)
-
-
-def _unknown(rows: Rows) -> str:
-    """Why the clearances cannot be told from the record; empty if they can."""
-    run, s = rows.run, rows.s
-    if run.ended:
-        return "the run ended early"
-    if not run.complete:
-        return "not every step of the filter is recorded"
-    if isinstance(rows.seen, str):
-        return rows.seen
-    if rows.seen.position is not run.position:
-        return "the filter saw other poses than those recorded"
-    if run.left_s is not None or s["sensing"].get("range_m") is not None:
-        return "not every pair was looked at in every step"
-    return ""
 
 
 def _wind(run: Recorded, judge: Judge) -> Finding:

@@ -43,6 +43,22 @@ class Rows:
     def s(self) -> Scenario:
         return self.run.scenario
 
+    @property
+    def untold(self) -> str:
+        """Why what the filter computed of all pairs cannot be told from the record; empty if it can."""
+        run = self.run
+        if run.ended:
+            return "the run ended early"
+        if not run.complete:
+            return "not every step of the filter is recorded"
+        if isinstance(self.seen, str):
+            return self.seen
+        if self.seen.position is not run.position:
+            return "the filter saw other poses than those recorded"
+        if run.left_s is not None or self.s["sensing"].get("range_m") is not None:
+            return "not every pair was looked at in every step"
+        return ""
+
     @cached_property
     def apart(self) -> Array | None:
         """Pairs (T, P) that had no row, for neither knew of the other; None where all knew all."""
