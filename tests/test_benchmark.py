@@ -17,7 +17,8 @@ from testbed.campaigns.journal import Journal
 from testbed.encounters.generating import generate, least
 from testbed.statistics import paired_verdicts
 from testbed.studies.benchmark import table
-from testbed.studies.benchmark.benchmark import Cell, fly_all, plan
+from testbed.studies.benchmark.benchmark import Cell, fly_all, plan, rows
+from testbed.studies.benchmark.confirm import confirm, kept
 from testbed.studies.benchmark.file import EncounterSet, load, shortened
 from testbed.studies.benchmark.meetings import meetings, perturbed
 from testbed.studies.benchmark.search import settings_of, tried
@@ -140,6 +141,29 @@ def test_it_goes_on_where_it_stopped_and_writes_the_page(file: Path, call: Calla
     assert 'id="player-1"' in text and "Worst encounter: meeting" in text
     made = plan(*load(str(file)))
     assert fly_all(made, Journal(out / "journal.jsonl"), 1)
+
+
+def test_runs_of_earlier_code_are_kept_only_if_samples_of_them_come_out_the_same(file: Path) -> None:
+    made = plan(*load(str(file)))
+    journal = Journal()
+    assert fly_all(made, journal, 1, only=["none"]) and len(journal.entries) == 3
+    assert fly_all(made, journal, 1)
+    made.code = "1" * 16
+    assert not rows(made, journal)
+    confirm(made, journal, 1, 1)
+    found = rows(made, journal)
+    assert len(found) == made.size == 7 and sum(r["code"] == made.code for r in found) == 3
+    assert kept(made, journal, found)["runs"] == 4 and kept(made, journal, found)["again"] == 2
+    # A filter of which one run differs is flown anew; the others' runs stay.
+    made.code = "2" * 16
+    filters = {r["id"]: r["filter"] for r in found}
+    for row in (e["row"] for e in journal.entries.values()):
+        if filters[row["id"]] == "centralised":
+            row["distance_m"] += 1e-3
+    confirm(made, journal, 1, 1)
+    assert {r["filter"] for r in rows(made, journal) if r["code"] != made.code} == {"none"}
+    assert fly_all(made, journal, 1)
+    assert all(r["code"] == made.code for r in rows(made, journal) if r["filter"] == "centralised")
 
 
 def test_a_run_of_the_benchmark_is_the_run_of_its_scenario(file: Path) -> None:

@@ -29,6 +29,13 @@ def benchmark(
         int | None,
         typer.Option("--search", help="try the file's candidates first, on so many encounters of each set"),
     ] = None,
+    only: Annotated[
+        str, typer.Option("--only", help="fly the runs of these filters in this call, as in none,flow")
+    ] = "",
+    again: Annotated[
+        int | None,
+        typer.Option("--again", help="keep runs of earlier code if so many of each cell, flown again, agree"),
+    ] = None,
     as_it_is: Annotated[
         bool, typer.Option("--as-it-is", help="fly nothing: write the page of what is flown so far")
     ] = False,
@@ -43,16 +50,19 @@ def benchmark(
     from testbed.studies.benchmark.search import search as try_all
     from testbed.studies.benchmark.study import benchmark as fly
 
-    for name, value in (("--n", n), ("--search", search)):
+    for name, value in (("--n", n), ("--search", search), ("--again", again)):
         if value is not None and value < 1:
             raise UserError(f"{name} {value}: give at least 1")
     if n is not None and search is not None:
         raise UserError("--n and --search: a search has its own number; give one of the two")
+    if only and search is not None:
+        raise UserError("--only and --search: a search flies all filters; give one of the two")
     if minutes is not None and not minutes > 0:
         raise UserError(f"--minutes {minutes:g}: give more than 0")
     stem = Path(file).stem
     where = out or Path("runs") / (stem if search is None else f"{stem}-search")
     if search is not None:
-        show_study(try_all(file, where, search, workers, minutes), as_json)
+        show_study(try_all(file, where, search, workers, minutes, again), as_json)
         return
-    show_study(fly(file, where, workers, n, minutes, as_it_is), as_json)
+    named = [name.strip() for name in only.split(",") if name.strip()]
+    show_study(fly(file, where, workers, n, minutes, as_it_is, named, again), as_json)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -57,11 +57,13 @@ class Plan:
         """Encounter number k, from 0, of the cell's set."""
         met = self.sets[cell.set][k]
         fields = fields_of(self.benchmark, cell) | self.home
-        return Flight(cell.filter, cell.plant, cell.set, met.name, met.data, fields)
+        id_ = content_id([met.data, fields, self.airframes])
+        return Flight(cell.filter, cell.plant, cell.set, met.name, met.data, fields, id_, self.code)
 
-    def key(self, flight: Flight) -> str:
+    @staticmethod
+    def key(flight: Flight) -> str:
         """The name of a run: of everything that its row depends on."""
-        return content_id([flight.data, flight.fields, self.code, self.airframes])
+        return content_id([flight.id, flight.code])
 
     @property
     def size(self) -> int:
@@ -108,10 +110,25 @@ def plan(b: Benchmark, folder: Path) -> Plan:
     return made
 
 
-def fly_all(made: Plan, journal: Journal, workers: int | None, minutes: float | None = None) -> bool:
-    """Fly what the journal has not; whether all is flown. After `minutes` it stops and keeps its runs."""
-    flights = list(made.flights())
-    keys = [made.key(f) for f in flights]
+def fly_all(
+    made: Plan,
+    journal: Journal,
+    workers: int | None,
+    minutes: float | None = None,
+    only: Collection[str] = (),
+) -> bool:
+    """Fly what the journal has not; whether all is flown. After `minutes` it stops and keeps its runs.
+
+    only  filters whose runs are flown; empty: all
+    """
+    return fly_some([f for f in made.flights() if not only or f.filter in only], journal, workers, minutes)
+
+
+def fly_some(
+    flights: Sequence[Flight], journal: Journal, workers: int | None, minutes: float | None = None
+) -> bool:
+    """Fly those of `flights` that the journal has not; whether all of them are flown."""
+    keys = [Plan.key(f) for f in flights]
     missing = len({key for key in keys if key not in journal.entries})
     if found := len(keys) - missing:
         say(f"{found} of {len(keys)} runs are there already")

@@ -20,7 +20,11 @@ Fields = dict[str, Any]
 
 @dataclass(frozen=True)
 class Flight:
-    """One run: `data` is an encounter's scenario, of which `fields` set plant and filter."""
+    """One run: `data` is an encounter's scenario, of which `fields` set plant and filter.
+
+    id    hash of all that its row depends on but the code
+    code  that of the code
+    """
 
     filter: str
     plant: str
@@ -28,6 +32,8 @@ class Flight:
     encounter: str
     data: Fields = field(repr=False)
     fields: Fields = field(repr=False)
+    id: str = ""
+    code: str = ""
 
     def scenario(self) -> Scenario:
         """What is flown, recorded at every filter step. Raises UserError for fields it cannot have."""
@@ -36,17 +42,19 @@ class Flight:
 
 
 def fly(flight: Flight) -> dict[str, Any]:
-    """The row of one run; one that cannot be flown says why, and counts as lost."""
+    """The row of one run, and by what code; one that cannot be flown says why, and counts as lost."""
     from testbed.simulation.simulate import run
 
+    of = {"id": flight.id, "code": flight.code}
     try:
-        return row(run(flight.scenario(), force=True))
+        return of | row(run(flight.scenario(), force=True))
     except (OSError, MemoryError):
         raise
     except UserError as error:
-        return {"refused": str(error), "lost": True}
+        return of | {"refused": str(error), "lost": True}
     except Exception as error:
-        return {"refused": f"{type(error).__name__}: {short(' '.join(str(error).split()))}", "lost": True}
+        text = f"{type(error).__name__}: {short(' '.join(str(error).split()))}"
+        return of | {"refused": text, "lost": True}
 
 
 def row(done: Run) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from testbed.records.store import write_json
 from testbed.report.settings import said
 from testbed.studies.benchmark import table
 from testbed.studies.benchmark.benchmark import fly_all, plan, rows
+from testbed.studies.benchmark.confirm import confirm
 from testbed.studies.benchmark.file import Benchmark, load, shortened
 from testbed.studies.common.found import Found
 
@@ -50,16 +51,25 @@ def settings_of(b: Benchmark, name: str) -> list[dict[str, Any]]:
     return [b.filters[name], *(kind | more for more in b.candidates[name])]
 
 
-def search(source: str, out: Path, n: int, workers: int | None = None, minutes: float | None = None) -> Found:
+def search(
+    source: str,
+    out: Path,
+    n: int,
+    workers: int | None = None,
+    minutes: float | None = None,
+    again: int | None = None,
+) -> Found:
     """Fly the candidates of a benchmark, and write which of each filter is best to out/search.json.
 
-    Best is what loses fewest runs; of equals, what alters least.
+    Best is what loses fewest runs; of equals, what alters least. `again` as `study.benchmark` has it.
     """
     b, folder = load(source)
     made = plan(tried(b, n), folder)
     out.mkdir(parents=True, exist_ok=True)
     with locked(out):
         journal = Journal(out / JOURNAL)
+        if again is not None:
+            confirm(made, journal, again, workers)
         done = fly_all(made, journal, workers, minutes)
         found = table.pooled(rows(made, journal), {name: 2 for name in made.sets})
         listed = chosen(b, found)

@@ -21,12 +21,13 @@ from typing import Any
 from testbed.campaigns.folder import locked
 from testbed.campaigns.journal import Journal
 from testbed.components.versions import versions
-from testbed.errors import UserError
+from testbed.errors import UserError, nearest, short
 from testbed.records.checksums import plain
 from testbed.records.store import write_json
 from testbed.report.page import attach
 from testbed.studies.benchmark import cost, figures, table, worst
 from testbed.studies.benchmark.benchmark import Plan, fly_all, plan, rows
+from testbed.studies.benchmark.confirm import confirm, kept
 from testbed.studies.benchmark.file import load, shortened
 from testbed.studies.common.found import Found
 
@@ -40,22 +41,32 @@ def benchmark(
     n: int | None = None,
     minutes: float | None = None,
     as_it_is: bool = False,
+    only: Sequence[str] = (),
+    again: int | None = None,
 ) -> Found:
     """Fly a benchmark, or go on with it; write tables, figure and page once all is flown.
 
     n         encounters of each set at most; None: as the file says
     minutes   after which no more is flown in this call; None: to the end
     as_it_is  fly nothing, and write tables, figure and page of what is flown
+    only      filters whose runs are flown in this call; empty: all
+    again     how many runs of each cell are flown again where earlier code flew them, to keep the others
     Raises   UserError for a mistake in the file, or a folder that holds something else
     """
     b, folder = load(source)
+    for name in only:
+        if name not in b.filters:
+            raise UserError(f"--only: no filter {short(name)!r}; {nearest(name, b.filters)}")
     made = plan(shortened(b, n) if n is not None else b, folder)
     _check(out, b.name)
     out.mkdir(parents=True, exist_ok=True)
     with locked(out):
         journal = Journal(out / JOURNAL)
-        done = not as_it_is and fly_all(made, journal, workers, minutes)
-        return _written(made, journal, out, done, done or as_it_is)
+        if not as_it_is:
+            if again is not None:
+                confirm(made, journal, again, workers)
+            fly_all(made, journal, workers, minutes, only)
+        return _written(made, journal, out, as_it_is)
 
 
 def _check(out: Path, name: str) -> None:
@@ -70,12 +81,13 @@ def _check(out: Path, name: str) -> None:
             raise UserError(f"{out} belongs to the benchmark {theirs!r}; give another --out")
 
 
-def _written(made: Plan, journal: Journal, out: Path, done: bool, with_page: bool) -> Found:
+def _written(made: Plan, journal: Journal, out: Path, as_it_is: bool) -> Found:
     import pandas as pd
 
     b, flown = made.benchmark, rows(made, journal)
     vehicles = {name: len(of[0].data["vehicle"]) for name, of in made.sets.items()}
     total = made.size
+    with_page = as_it_is or len(flown) == total
     if not flown:
         raise UserError(f"{out}: no run is flown; give more --minutes, and no --as-it-is")
     found = table.cells(flown, b.without)
@@ -96,6 +108,7 @@ def _written(made: Plan, journal: Journal, out: Path, done: bool, with_page: boo
         "pooled": pooled,
         "comparisons": [_compared(c) for c in compared],
         "worst": shown,
+        "earlier": kept(made, journal, flown),
         "code": made.code,
         "versions": versions(),
         "airframes": made.airframes,
