@@ -10,6 +10,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from aircraft.airframes.files import read_folder
@@ -70,19 +72,30 @@ def differs(fingerprint: str, now: str) -> str | None:
 def _files(airframe: Airframe) -> list[list[Any]]:
     """The XML files that the model consists of, in order of their names, as nested lists; then what
     airframe.toml sets in the model."""
-    files, _ = read_folder(airframe.folder)
-    if files is None:
-        return []
     tables: list[list[Any]] = []
     if airframe.setup != Setup() or airframe.engines != Engines():
         own = [t.model_dump(exclude_defaults=True) for t in (airframe.setup, airframe.engines)]
         tables.append(["airframe.toml", *own])
     # Defaults of gains in the autopilot are overwritten by airframe.toml whenever the model is loaded.
-    gains = {property_name(name) for name in airframe.gain_values()}
-    return [*([name, *_element(tree, gains)] for name, tree in sorted(files.trees.items())), *tables]
+    gains = frozenset(property_name(name) for name in airframe.gain_values())
+    folder, texts = airframe.folder, hashlib.sha256()
+    for path in filter(Path.is_file, [folder / "airframe.toml", *sorted(folder.rglob("*.xml"))]):
+        texts.update(str(path).encode() + b"\0" + path.read_bytes() + b"\0")
+    trees = _trees(folder, texts.hexdigest(), gains)
+    return [] if trees is None else [*trees, *tables]
 
 
-def _element(e: Element, gains: set[str]) -> Iterator[Any]:
+@lru_cache(maxsize=32)
+def _trees(folder: Path, texts: str, gains: frozenset[str]) -> list[list[Any]] | None:
+    """The XML files as nested lists; None where airframe.toml cannot be read.
+
+    texts  hash of the files' bytes: thousands of short runs ask for the same files, and parse them once
+    """
+    files, _ = read_folder(folder)
+    return None if files is None else [[name, *_element(t, gains)] for name, t in sorted(files.trees.items())]
+
+
+def _element(e: Element, gains: frozenset[str]) -> Iterator[Any]:
     yield e.name
     yield sorted((key, _plain(value)) for key, value in e.attributes.items())
     yield _plain(e.text)

@@ -247,7 +247,10 @@ def lags(s: Scenario) -> list[tuple[Lag, ...]]:
     """The lags of the channels, per vehicle or once for all: of the lagged plant, and for predictions."""
     if s.lags.source == "table" and s.plant != "jsbsim":
         return [remedies.lag_table(s.lags)]
-    return [remedies.identified_lags(airframe, s.lags.limits) for airframe in airframes(s)]
+    each = airframes(s)
+    # Once for each airframe: whether its lags are still those of its files is read from the files.
+    of = {name: remedies.identified_lags(a, s.lags.limits) for name, a in {a.name: a for a in each}.items()}
+    return [of[airframe.name] for airframe in each]
 
 
 def model_lags(s: Scenario) -> list[tuple[Lag, ...]]:
