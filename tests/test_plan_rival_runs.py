@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 import testbed
 from testbed.scenario.scenario import Scenario, load
 from testbed.verification.check import check
-from tests.forgery import copied, differing, edit_entry, read, seal, write
+from tests.forgery import copied, differing, edit_entry, edit_table, entry, read, seal, write
 
 OWN = {
     "backup": "F1 monitor-flow_clear",
@@ -57,8 +58,10 @@ def test_a_run_is_judged_by_its_filters_own_claim_and_the_second_opinion_agrees(
     own = found[OWN[kind]]
     if kind == "backup":
         assert own.agrees is True and float(own.own) == pytest.approx(entries[OWN[kind]]["value"], abs=5e-3)
+    elif kind == "gatekeeper":
+        assert own.agrees is True
     else:
-        assert own.agrees is None and "not recorded" in own.why
+        assert own.agrees is None and "the value is at most" in own.why
 
 
 @pytest.mark.parametrize(
@@ -89,6 +92,67 @@ def test_a_backup_that_says_it_kept_more_than_it_did_is_told_by_its_commands(
     write(folder, "manifest.json", manifest)
     seal(folder)
     assert "monitor-flow_clear" in differing(folder)
+
+
+@pytest.fixture(scope="module")
+def near(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Kind -> run folder of an encounter in which plans go to the border of what is clear."""
+    folder = tmp_path_factory.mktemp("near")
+    for kind in ("gatekeeper", "receding-horizon"):
+        own = {"filter.horizon_s": 1.0} if kind == "gatekeeper" else {}
+        s = meeting(kind, **{"start.radius_m": 50.0, "duration_s": 2.4}, **own)
+        testbed.run(s, out=folder / kind)
+    return {kind: folder / kind for kind in ("gatekeeper", "receding-horizon")}
+
+
+def test_what_a_gatekeeper_committed_to_is_found_from_its_commands(near: dict[str, Path]) -> None:
+    said = {e["id"]: e["value"] for e in read(near["gatekeeper"], "guarantees.json")}["monitor-plan_clear"]
+    found = {f.what: f for f in check(near["gatekeeper"]).findings}[OWN["gatekeeper"]]
+    assert abs(said) < 1.0 and found.agrees is True and float(found.own) == pytest.approx(said, abs=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["gatekeeper", "receding-horizon"])
+def test_plans_that_say_they_kept_more_than_they_did_are_found(
+    near: dict[str, Path], tmp_path: Path, kind: str
+) -> None:
+    folder = copied(near[kind], tmp_path / "run")
+    e = entry(folder, "monitor-plan_clear")
+    edit_entry(folder, "monitor-plan_clear", value=e["value"] + 5.0, margin=e["margin"] + 5.0)
+    seal(folder)
+    assert "monitor-plan_clear" in differing(folder)
+
+
+def test_commands_that_no_plan_of_a_gatekeeper_has_are_found(near: dict[str, Path], tmp_path: Path) -> None:
+    """Neither wanted now, nor committed to before, nor gamma."""
+    folder = copied(near["gatekeeper"], tmp_path / "run")
+
+    def turned(table: pd.DataFrame) -> pd.DataFrame:
+        here = (table.vehicle == 1) & (abs(table.t_s - 1.0) < 1e-6)
+        return table.assign(omega_command_radps=table.omega_command_radps.where(~here, 0.01))
+
+    edit_table(folder, "vehicles", turned)
+    seal(folder)
+    found = {f.what: f for f in check(folder).findings}[OWN["gatekeeper"]]
+    assert found.agrees is False and "vehicle 1 flies no plan that it can have had at 1 s" in found.why
+
+
+def test_a_horizon_that_was_not_flown_is_found(near: dict[str, Path], tmp_path: Path) -> None:
+    folder = copied(near["gatekeeper"], tmp_path / "run")
+    manifest = read(folder, "manifest.json")
+    manifest["scenario"]["filter"]["horizon_s"] = 0.1
+    write(folder, "manifest.json", manifest)
+    seal(folder)
+    assert "monitor-plan_clear" in differing(folder)
+
+
+def test_a_receding_horizon_that_says_nobody_was_short_must_have_kept_clear(
+    near: dict[str, Path], tmp_path: Path
+) -> None:
+    folder = copied(near["receding-horizon"], tmp_path / "run")
+    assert entry(folder, "monitor-plan_clear")["verdict"] == "violated"  # by what is missed between samples
+    edit_table(folder, "vehicles", lambda t: t.assign(qp_status="solved"))
+    seal(folder)
+    assert "monitor-plan_clear" in differing(folder)
 
 
 @pytest.mark.parametrize("kind", OWN)

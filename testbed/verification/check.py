@@ -31,6 +31,7 @@ from testbed.verification.own_claims import declared
 from testbed.verification.pair_claims import OF_PAIRS, SOLVING, Pairs
 from testbed.verification.path_bounds import PathBounds
 from testbed.verification.path_claims import PathClaims
+from testbed.verification.plan_claims import plan_claims
 from testbed.verification.premise_claims import premises
 from testbed.verification.progress_claim import patience, waits
 from testbed.verification.range_claim import enough
@@ -102,6 +103,7 @@ def _findings(run: Recorded) -> Iterator[Finding]:
     yield from sorted(judged, key=_place)
     yield from monitored(rows)
     yield from flow_claims(rows)
+    yield from plan_claims(rows)
     yield from cone_claims(rows)
 
 

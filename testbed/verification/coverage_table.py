@@ -215,10 +215,10 @@ _LABEL = _no("a label")
 # Settings of rival filters.
 OF_RIVALS = (
     *("decay_per_s", "speed_response_s", "climb_response_s"),
-    *("horizon_s", "response_s", "responsibility", "space"),
+    *("response_s", "responsibility", "space"),
 )
 # By field, or by table ("wind.").
-_PLANS = "what vehicles committed to is not recorded"
+_PLANS = "plans of programs are not solved again"
 SCENARIO = {
     "schema_version": _by("scenario"),
     "name": _LABEL,
@@ -244,11 +244,12 @@ SCENARIO = {
     "guidance.": _by("nominal", otherwise="what the controller saw is not recorded"),
     "filter.solver": _no("solvers find the same solution"),
     "filter.monitor": _by("entries"),
-    "filter.margin_m": _by("F1 monitor-flow_clear", otherwise=_PLANS),
-    "filter.trust": _by("F1 monitor-flow_clear", otherwise=_PLANS),
+    "filter.margin_m": _by("F1 monitor-flow_clear", "R3 monitor-plan_clear", otherwise=_PLANS),
+    "filter.trust": _by("F1 monitor-flow_clear", "R3 monitor-plan_clear", otherwise=_PLANS),
     "filter.kappa": _by("F2 monitor-flow_step", otherwise=_PLANS),
     "filter.range_m": _no("whom a rival looked at is not recorded"),
     **{f"filter.{name}": _no("the QPs of rivals are not solved again") for name in OF_RIVALS},
+    "filter.horizon_s": _by("R3 monitor-plan_clear", otherwise="the QPs of rivals are not solved again"),
     "filter.": replace(_ROWS, needs=_altered),
     "barrier.gradient": _FILTER,
     "barrier.gradient_step": _FILTER,

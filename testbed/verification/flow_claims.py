@@ -1,4 +1,4 @@
-"""Checks the flow filter's claims F1 to F3, and R3 of rivals: flies the lagging vehicles on in steps of 5 ms.
+"""Checks the flow filter's claims F1 to F3: flies the lagging vehicles on in steps of 5 ms.
 
 Every channel is stepped by the law of a first-order lag after a delay with a bounded rate, each step split
 where a new command is heard; positions are summed over the steps. Once all channels have settled, what is
@@ -25,7 +25,6 @@ from testbed.verification.rows import Rows
 
 CLEAR, STEP, WIND = "monitor-flow_clear", "monitor-flow_step", "monitor-flow_wind"
 BOUNDS = {CLEAR: 0.0, STEP: -2e-3}
-PLANS, PLANS_BOUND = "monitor-plan_clear", -0.01
 SPARE_MPS = 1.0
 
 STEP_S = 0.005
@@ -61,19 +60,15 @@ class Lagging:
 
 
 def flow_claims(rows: Rows) -> Iterator[Finding]:
-    """The findings of F1, F2, F3 and R3."""
+    """The findings of F1, F2 and F3."""
     run = rows.run
-    if PLANS in run.guarantees:
-        judge = Judge(run, run.guarantees[PLANS])
-        follows(judge, PLANS_BOUND)
-        yield judge.done("unknown", None, True, "what vehicles committed to is not recorded")
     if WIND in run.guarantees:
         yield _wind(run, Judge(run, run.guarantees[WIND]))
     names = [id for id in BOUNDS if id in run.guarantees]
     if not names:
         return
     why = rows.untold
-    known = _lags(rows.s)
+    known = model_lags(rows.s)
     if not why and known is None:
         why = "the lags of the model are not to be found"
     least = None if why or known is None else _clearances(run, Lagging.of(known))
@@ -86,7 +81,7 @@ def flow_claims(rows: Rows) -> Iterator[Finding]:
             yield _judged(run, judge, least)
 
 
-def _lags(s: dict[str, Any]) -> Array | None:
+def model_lags(s: dict[str, Any]) -> Array | None:
     """Of the filter's model; on a unicycle there are none, unless a table says some."""
     if s["plant"] == "unicycle" and s["lags"]["source"] == "airframe":
         return np.tile([0.0, 0.0, np.inf, np.inf], (s["vehicles"], 3, 1))
@@ -142,7 +137,7 @@ def _clearances(run: Recorded, lagging: Lagging) -> Array:
     depth = int(np.ceil(lagging.delay.max() / dt + 1e-9)) + 1
     # Before the start all were told what they flew then.
     told = np.concatenate([np.repeat(run.rates[:1], depth, axis=0), run.command])
-    rates = _believed(run.rates, told, lagging, dt, s["filter"].get("trust", 1.0))
+    rates = believed(run.rates, told, lagging, dt, s["filter"].get("trust", 1.0))
     level = s["d_safe_m"] + margin(run)
     every = max(1, MOST // s["vehicles"])
     parts = []
@@ -160,18 +155,18 @@ def margin(run: Recorded) -> float:
     return float(run.manifest["flow"]["margin_m"] if isinstance(said, str) else said)
 
 
-def _believed(seen: Array, told: Array, lagging: Lagging, dt: float, trust: float) -> Array:
+def believed(seen: Array, told: Array, lagging: Lagging, dt: float, trust: float) -> Array:
     """The rates (T, N, 3) that the filter starts from: the model's, drawn a share towards those seen."""
     depth, found = len(told) - len(seen), seen.copy()
     for k in range(1, len(seen)):
         # From instant k - 1 to k, with what had been told up to k - 1.
         late = told[k : k + depth][:, None]
-        modelled, _ = _period(found[k - 1][None], late, lagging, dt, 0)
+        modelled, _ = period(found[k - 1][None], late, lagging, dt, 0)
         found[k] = modelled[0] + trust * (seen[k] - modelled[0])
     return found
 
 
-def _period(y: Array, told: Array, lagging: Lagging, dt: float, ahead: int) -> tuple[Array, Array]:
+def period(y: Array, told: Array, lagging: Lagging, dt: float, ahead: int) -> tuple[Array, Array]:
     """Channels (..., N, 3) one period later, and their values (K + 1, ..., N, 3) in steps of it.
 
     told   (D, ..., N, 3), one command a period, the last begins with the period numbered 0
@@ -213,7 +208,7 @@ def _flown_on(run: Recorded, here: slice, rates: Array, late: Array, lagging: La
     at_once = (lagging.constant <= NO_LAG_S) & (slowest >= NO_LIMIT)
     settled = 2 * lagging.delay + dt + 2 * gap / slowest + TAIL * lagging.constant
     for ahead in range(int(np.ceil(settled.max() / dt)) + 1):
-        y, values = _period(y, told, lagging, dt, ahead)
+        y, values = period(y, told, lagging, dt, ahead)
         long = dt / (len(values) - 1)
         for a, b in pairwise(values):
             mean = np.where(at_once, b, 0.5 * (a + b))
