@@ -155,9 +155,13 @@ def test_small_fleets_are_stepped_by_one_process_and_large_ones_by_all(monkeypat
     def chosen(*more: str) -> int:
         return fleet_workers(testbed.load_scenario("paper-20-turn", [*X8S, *more]))
 
-    assert chosen("duration_s=20") == 1
+    assert chosen("duration_s=20") == 1  # over before they have started
     assert chosen("duration_s=200") == 4
-    assert chosen("duration_s=200", "filter_dt_s=0.005") == 1  # they would wait for one another all the time
+    assert chosen("duration_s=200", "vehicles=27", "start.radius_m=300", "filter_dt_s=0.005") == 4
+    few = "start.radius_m=300", "duration_s=2000"
+    assert chosen(*few, "vehicles=7") == 4
+    assert chosen(*few, "vehicles=6") == 1  # they would wait for one another all the time
+    assert chosen(*few, "vehicles=26", "filter_dt_s=0.005") == 1
     assert chosen("duration_s=20", "rates.workers=3") == 3
     assert chosen("duration_s=20", "rates.workers=30") == 20
     monkeypatch.setenv(VARIABLE, child.ENVIRONMENT[VARIABLE])  # within a campaign's worker

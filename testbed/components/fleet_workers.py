@@ -9,10 +9,12 @@ from testbed.scenario.scenario import Scenario
 # What "auto" means in this process and those that it starts. A campaign's workers have it at 1: they share
 # the processors among runs, which need not wait for one another.
 VARIABLE = "TESTBED_FLEET_WORKERS"
-# Aircraft times FDM periods from which workers gain: between two filter steps, and in the run. One takes
-# 9 us. Starting a worker takes 0.4 s of a processor (measured); 0.1 ms a filter step are allowed for waiting.
-# From here on half of the aircraft's time is at least twice that.
-PERIODS_PER_STEP, PERIODS_PER_RUN = 64, 200_000
+# From which size on workers gain, measured on an idle machine (tests/benchmarks/gain.py): a step of 10
+# aircraft over 10 periods, or of 20 over one, takes two processes 0.6 of what one takes; of 5 over 10 periods
+# 0.65 to 2. On a busy machine each wait takes milliseconds, so that is not gone down to. A turn counts as
+# two periods more: by then the aircraft has left the processor's cache. In the run: starting a worker takes
+# 0.4 s of a processor, and a period 8 us.
+TURN, PERIODS_PER_STEP, PERIODS_PER_RUN = 2, 80, 200_000
 
 
 def fleet_workers(s: Scenario) -> int:
@@ -22,7 +24,7 @@ def fleet_workers(s: Scenario) -> int:
     said = os.environ.get(VARIABLE, "")
     if said.isdecimal() and int(said) > 0:
         return min(int(said), s.vehicles)
-    per_step = s.vehicles * s.rates.fdm_steps
+    per_step = s.vehicles * (s.rates.fdm_steps + TURN)
     if os.name != "posix" or per_step < PERIODS_PER_STEP or per_step * s.filter_steps < PERIODS_PER_RUN:
         return 1
     return min(processors(), s.vehicles)

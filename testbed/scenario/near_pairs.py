@@ -15,7 +15,7 @@ from testbed.scenario.nonideal import Network, Sensing
 from testbed.scenario.remedy import Remedy
 
 # Up to so many vehicles all pairs are looked at and recorded.
-ABOVE = 150
+ABOVE = 80
 # An h [m] above which no row may bind, or neighbours are no few.
 MOST_H_M = 100.0
 # Filters whose rows are known, or that have none; and the longest period of samples.

@@ -20,7 +20,7 @@ from typing import Any
 # One thread: what several do for numpy's small arrays is spin. Before numpy comes in.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from benchmarks import border, fleets, machine, memory, report, runs, starting, steps
+from benchmarks import border, cluster, fleets, gain, machine, memory, report, runs, starting, steps
 from benchmarks.clock import BareStep
 from benchmarks.runs import progress
 
@@ -38,6 +38,10 @@ def measure(quick: bool) -> dict[str, Any]:
             progress(f"whole run: {name}")
             found["runs"][name] = runs.whole_run(name, bare, Path(place), 1 if quick else 2)
         found["fleets"] = fleets.measure(quick, bare, Path(place), progress)
+        progress("the plant by one process and by two")
+        found["fleets"]["gain"] = gain.measure(quick)
+        progress("a campaign of fleets on a cluster of one worker and of two")
+        found["cluster"] = cluster.measure(Path(place), 5.0 if quick else 40.0)
     moments, goes = (4, 3) if quick else (20, 10)
     for mode, sizes in (("limited", LIMITED), ("centralised", CENTRALISED)):
         found[mode] = []

@@ -115,7 +115,7 @@ def against_bare(workers: int, target: float, bare: BareStep, place: Path) -> di
     bare.measure()
     found = until_decided(flight, target, most=9)
     bare.measure()
-    return {"workers": workers, "target": target} | found.to_json(target)
+    return {"workers": workers, "target": target, "bare_us": 1e6 * bare.seconds} | found.to_json(target)
 
 
 def filter_step(vehicles: int) -> dict[str, float]:

@@ -79,14 +79,11 @@ def rows(found: dict[str, Any]) -> list[Row]:
     for name, r in found["runs"].items():
         parts = ", ".join(f"{kind} {r['parts'][kind]:.2f}" for kind in KINDS)
         if r["in_turn"]:
-            parts += f". Of FDM, JSBSim's own steps took {r['parts']['JSBSim']:.2f}"
-            parts += f"; these aircraft stepped in turn with nothing between, {r['in_turn']:.2f}"
-        if r.get("swept"):
-            parts += f", and with the core's cache written over between the turns, {r['swept']:.2f}"
+            parts += f". Of FDM, JSBSim's own steps took {r['parts']['JSBSim']:.2f}."
         interval = tuple(r["interval"]) if "interval" in r else None
         row = Row(f"{name}: flight", r["ratio"], r["target"], "x its bare steps", why=parts)
         table.append(replace(row, interval=interval))
-    table += large.rows(found) if "fleets" in found else []
+    table += large.rows(found)
     fresh = found["fresh"]["times"]
     table.append(Row("the same filter steps, faster than a fresh OSQP each", fresh, 8.0, "x", False))
     for mode, targets in (("limited", {20: 65, 100: 650}), ("centralised", {20: 330, 50: 2700})):
@@ -133,7 +130,7 @@ def write(found: dict[str, Any]) -> None:
 
 def page(found: dict[str, Any], table: list[Row]) -> str:
     lines = [f"| {r.what} | {r.measured} {r.unit} | {r.sign} {r.target:g} | {r.verdict} |" for r in table]
-    misses = [f"- {r.what}: {r.why or 'no cause was measured'}." for r in table if not r.holds]
+    misses = [f"- {r.what}: {r.why.rstrip('.')}." for r in table if not r.holds and r.why]
     m, versions = found["machine"], found["machine"]["versions"]
     names = ", ".join(f"{name} {versions[name]}" for name in ("python", "jsbsim", "numpy", "daqp", "osqp"))
     bare = found["bare_us"]
@@ -169,26 +166,26 @@ def page(found: dict[str, Any], table: list[Row]) -> str:
         apart=f"{found['fresh']['apart']:.0e}",
         largest=at_100["vehicles"],
         fdm_share=f"{100 * at_100['FDM'] / whole:.0f}",
-        cache=_cache(found),
-        fleets=large.text(found) if "fleets" in found else "Not measured in this run.",
+        bounds="\n".join(_bounds(found)),
+        cache=found["machine"]["cache_kb"],
+        fleets=large.text(found),
+        gain=large.gain(found["fleets"]),
+        cluster=large.cluster(found.get("cluster")),
+        city=large.city(found["memory_city"]),
         run_s=_number(one := _one(found)),
         million_days=_number(1e6 * one / 86400),
     )
 
 
-def _cache(found: dict[str, Any]) -> str:
-    """What the machine's own cache is, and what it costs."""
-    rows = [r for r in found["runs"].values() if r.get("swept")]
-    if not rows:
-        return ""
-    size = found["machine"]["cache_kb"]
-    warm, cold = (", ".join(f"{r[kind]:.2f}" for r in rows) for kind in ("in_turn", "swept"))
-    return f"""
-**What this machine's cache costs.** A core has {size} kB of second-level cache. JSBSim's steps alone, in the
-order of the rows with X8s above: {warm} bare steps each with nothing between, {cold} if
-that much memory is written between the turns. So much of a row is the machine's, whatever stands between two
-filter steps.
-"""
+def _bounds(found: dict[str, Any]) -> list[str]:
+    """Rows: what aircraft and program take alone, and what they cost each other through the cache."""
+    rows = []
+    for name, r in found["runs"].items():
+        if r.get("program"):
+            alone = r["in_turn"] + r["program"]
+            numbers = r["in_turn"], r["swept"], r["program"], alone, r["ratio"] - alone, r["ratio"]
+            rows.append(f"| {name} | " + " | ".join(f"{x:.2f}" for x in numbers) + f" | {r['target']:g} |")
+    return rows
 
 
 def _one(found: dict[str, Any]) -> float:

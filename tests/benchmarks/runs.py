@@ -48,6 +48,7 @@ def whole_run(name: str, bare: BareStep, place: Path, goes: int) -> dict[str, An
 
     found, f = until_decided(ratio, target, least=3, most=6), flown[-1]
     periods = s.rates.fdm_steps
+    program = flight(_on_unicycles(source, changes), bare, place, 2) if s.plant == "jsbsim" else None
     return {
         "ratio": found.value,
         "interval": [found.low, found.high],
@@ -59,9 +60,15 @@ def whole_run(name: str, bare: BareStep, place: Path, goes: int) -> dict[str, An
         "vehicle_steps": s.vehicles * s.filter_steps,
         "target": target,
         "in_turn": in_turn(s.vehicles, periods) / bare.seconds if s.plant == "jsbsim" else 0.0,
+        "program": 0.0 if program is None else (program.steps + program.finish) / program.bare,
         "swept": swept(s.vehicles, periods) / bare.seconds if s.plant == "jsbsim" else 0.0,
         "parts": {kind: seconds / f.bare for kind, seconds in _parts(s).items()},
     }
+
+
+def _on_unicycles(source: str, changes: list[str]) -> Scenario:
+    """The same flight without aircraft: what it takes is the program's alone, in caches that are its own."""
+    return scenario.load(source, [c for c in changes if not c.startswith(("plant=", "rates.workers="))])
 
 
 def split(vehicles: int, bare: BareStep, duration_s: float) -> dict[str, float]:

@@ -19,6 +19,7 @@ from aircraft.jsbsim.geodesy import Origin
 from aircraft.jsbsim.rest import Start
 from aircraft.jsbsim.stepping.group import FAULTS, Group
 from aircraft.jsbsim.stepping.shared import ROW, Shared
+from aircraft.jsbsim.stepping.waiting import Inbox
 
 STEP, READ = b"s", b"r"  # what a worker may be asked for
 DONE, FAILED = b".", b"!"  # how it answers; what failed follows, pickled
@@ -75,7 +76,8 @@ def main(memory: int) -> None:
         _say(outbox, error)
         return
     _say(outbox, None)
-    while asked := inbox.read(1):
+    asking = Inbox(inbox)
+    while asked := asking.read():
         try:
             if asked == READ:
                 _tell(shared, mine, group, group.readings())

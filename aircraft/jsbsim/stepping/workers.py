@@ -15,6 +15,7 @@ import weakref
 from collections.abc import Sequence
 
 from aircraft.jsbsim.errors import FdmError
+from aircraft.jsbsim.stepping.waiting import Inbox
 from aircraft.jsbsim.stepping.worker import DONE, READ, STEP, Share
 
 # Each process has a core to itself: threads within linear algebra would only slow the others down.
@@ -39,6 +40,7 @@ class Workers:
             raise WorkerError("a fleet's worker processes need a POSIX system; fly without workers")
         self._shares = shares
         self._processes: list[subprocess.Popen[bytes]] = []
+        self._answers: list[Inbox] = []
         # However the fleet is let go of, no process stays.
         self.close = weakref.finalize(self, _end, self._processes, memory)
         boot = _BOOT.format(path=sys.path, memory=memory)
@@ -54,6 +56,7 @@ class Workers:
                     start_new_session=True,
                 )
                 self._processes.append(process)
+                self._answers.append(Inbox(process.stdout))
                 self._write(len(self._processes) - 1, pickle.dumps((share, vehicles, channels)))
         except OSError as error:  # no process, no memory for one
             self.close()
@@ -81,9 +84,8 @@ class Workers:
 
         Raises  WorkerError where one has ended; FdmError, as the worker met it
         """
-        for k, process in enumerate(self._processes):
-            assert process.stdout is not None
-            if process.stdout.read(1) != DONE:
+        for k, answer in enumerate(self._answers):
+            if answer.read() != DONE:
                 raise self._failed(k)
 
     def _ask(self, what: bytes) -> None:
