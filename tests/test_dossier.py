@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 import shutil
@@ -13,8 +14,9 @@ import pytest
 
 from aircraft.airframe import load as airframe
 from testbed.errors import UserError
+from testbed.records.checksums import sha256
 from testbed.report.dossier import evidence
-from testbed.report.dossier.document import Heading
+from testbed.report.dossier.document import Heading, css_text
 from testbed.scenario.scenario import load
 from testbed.simulation.simulate import run
 from testbed.verification.check import check
@@ -42,6 +44,18 @@ def text(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_the_title_page_has_what_was_handed_in_as_text(text: str) -> None:
     assert "<h1>Two &lt;X8s&gt;</h1>" in text and "<X8s>" not in text
     assert "A. Engineer" in text and "2026-11-27" in text
+
+
+def test_every_page_says_which_document_it_is_of_and_no_title_leaves_its_string(text: str) -> None:
+    (footer,) = re.findall(r'@bottom-left \{ content: "([^"]*)";', text)
+    assert re.sub(r"\\([0-9a-f]+) ", lambda m: chr(int(m[1], 16)), footer) == "Two <X8s>, 2026-11-27"
+    assert not set("<>\"';{}") & set(css_text("a\"';}</style>é").strip('"'))
+
+
+def test_what_the_record_cannot_decide_and_the_seals_are_listed(flown: Path, text: str) -> None:
+    undecided = evidence.checked(flown, "two").open
+    assert undecided and all(why and html.escape(what) in text for what, why in undecided.items())
+    assert f"<td>{sha256(flown / 'manifest.json')}</td>" in text
 
 
 def test_contents_lead_to_every_chapter_and_section(text: str) -> None:

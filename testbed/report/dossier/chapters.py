@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from testbed.claims.registry import EVERY
-from testbed.report.blocks import Block, Listing, Note, Part, Playback, Section, Table
+from testbed.records.checksums import sha256
+from testbed.report.blocks import Block, Note, Part, Playback, Section, Table
 from testbed.report.dossier import evidence
 from testbed.report.registry import Kind
 from testbed.statistics import Quantile, Rate, means
@@ -31,6 +32,23 @@ LIMITS = (
     "A search that found no violation proves nothing.",
     "Guarantees rest on their premises: where a premise is not met the verdict says so and is no pass.",
 )
+PAPER = (
+    "Theorems, equations, definitions and assumptions without another name are those of Squires, Pierpaoli,"
+    " Konda, Coogan and Egerstedt, Composition of Safety Constraints for Fixed-Wing Collision Avoidance"
+    " Amidst Limited Communications, Journal of Guidance, Control, and Dynamics 45(4), 2022."
+)
+TERMS = {
+    "Ds": "separation that every pair is to keep, in m, between reference points; the scenario sets it",
+    "v, omega, zeta": "commanded ground speed [m/s], course rate [rad/s] and climb rate [m/s]",
+    "U": "the set of commands within the scenario's limits",
+    "gamma": "the evading manoeuvre: the command that a vehicle could keep for ever",
+    "h": "barrier of a pair: its least distance if both flew gamma from now on, less Ds [m]; the safe set has"
+    " h >= 0",
+    "hdot, alpha": "the rate of h, and the function of h that it may fall by: hdot + alpha(h) >= 0",
+    "QP": "the quadratic program that finds the command nearest to the wanted one in U under all pairs' rows",
+    "plant": "what flies the commands: unicycle (the paper's model), lagged (its channels lag), jsbsim (6"
+    " degrees of freedom with an autopilot)",
+}
 WORDS = {
     "holds": "the value keeps its bound at every step",
     "violated": "it does not",
@@ -65,7 +83,13 @@ def chapters(folders: Sequence[Path], parts: Sequence[Part], kinds: Sequence[Kin
 def _summary(names: Sequence[str], parts: Sequence[Part]) -> Table:
     return Table(
         [
-            {"folder": name, "what": part.title, "result": part.status, "in words": part.headline}
+            {
+                "folder": name,
+                "what": part.title,
+                "result": part.status,
+                "in words": part.headline,
+                "figures": "; ".join(f"{f.name}: {f.text}" for f in part.facts),
+            }
             for name, part in zip(names, parts, strict=True)
         ],
         "kept: nothing was lost; lost: something was; open: nothing is claimed",
@@ -109,6 +133,7 @@ def _methods() -> list[Section]:
         for c in EVERY
     ]
     return [
+        Section("Terms", [Note(PAPER), Table([{"term": k, "meaning": v} for k, v in TERMS.items()])]),
         Section(
             "Claims",
             [
@@ -142,6 +167,7 @@ def _coverage(folders: Sequence[Path], names: Sequence[str]) -> list[Section]:
     """The second opinion on every run folder, and what it did not cover."""
     rows: list[dict[str, Any]] = []
     left: dict[str, dict[str, list[str]]] = {}
+    undecided: list[dict[str, Any]] = []
     for folder, name in zip(folders, names, strict=True):
         runs = evidence.run_folders(folder)
         if not runs:
@@ -151,8 +177,9 @@ def _coverage(folders: Sequence[Path], names: Sequence[str]) -> list[Section]:
             inside = run.relative_to(folder).as_posix()
             found = evidence.checked(run, name if inside == "." else f"{name}/{inside}")
             remark = found.fault or ("; ".join(found.differs) and f"differ: {', '.join(found.differs)}")
-            counts = {"agree": found.agrees, "differ": len(found.differs), "open": found.open}
+            counts = {"agree": found.agrees, "differ": len(found.differs), "open": len(found.open)}
             rows.append({"run folder": found.run, **counts, "remark": remark})
+            undecided += [{"run folder": found.run, "open": k, "why": why} for k, why in found.open.items()]
             for item in found.uncovered:
                 left.setdefault(item.why, {}).setdefault(item.what, []).append(found.run)
     uncovered = [
@@ -162,6 +189,7 @@ def _coverage(folders: Sequence[Path], names: Sequence[str]) -> list[Section]:
     return [
         Section("Limits of this document", [Note(line) for line in LIMITS]),
         Section("Run folders checked", [Table(rows, "What was computed again from the records")]),
+        Section("Open: what a record cannot decide", [Table(undecided) if undecided else Note("None.")]),
         Section("Items of the records that nothing was compared with", [
             Table(uncovered, "Columns and fields that no formula of the second opinion decides")
             if uncovered else Note("None.")
@@ -190,12 +218,15 @@ def _provenance(folders: Sequence[Path], names: Sequence[str], kinds: Sequence[K
     rows = []
     for name, data in each.items():
         known = data.get("versions") or inside[name].get("versions") or {}
-        made = {"folder": name, "code": data.get("code") or inside[name].get("code")}
+        made = {"folder": name, "code": data.get("code") or inside[name].get("code") or "not recorded"}
         rows.append(made | {"versions": "; ".join(f"{k} {v}" for k, v in known.items()) or "not recorded"})
-    text = "\n".join(str(folder.resolve().name) for folder in folders)
+    seals = [
+        {"file": f"{name}/{file.relative_to(folder).as_posix()}", "SHA-256": sha256(file)}
+        for folder, name in zip(folders, names, strict=True)
+        for file in evidence.marks(folder, kinds)
+    ]
+    said = "Files that this document was made from; a run folder's manifest.json has those of its other files"
     return [
-        Section(
-            "What made the results",
-            [Table(rows, "Versions recorded when they were flown"), Listing("folders", text)],
-        )
+        Section("What made the results", [Table(rows, "Versions recorded when they were flown")]),
+        Section("Evidence", [Table(seals, said)]),
     ]

@@ -12,7 +12,7 @@ from testbed.components.versions import versions
 from testbed.errors import UserError, short
 from testbed.report.dossier import evidence
 from testbed.report.dossier.chapters import Chapter, chapters
-from testbed.report.page import part, rendered, written
+from testbed.report.page import markup, part, rendered, written
 from testbed.report.registry import Kind
 
 FILE = "dossier.html"
@@ -59,5 +59,11 @@ def document(heading: Heading, made: Sequence[Chapter]) -> str:
         chapters=made,
         commit=evidence.commit(),
         versions=versions(),
+        footer=markup(css_text(f"{heading.title}, {heading.date}")),
         policy="default-src 'none'; style-src 'unsafe-inline'; img-src data:",
     )
+
+
+def css_text(text: str) -> str:
+    """A string of CSS; whatever is no plain letter or digit is written by its number."""
+    return '"' + "".join(c if c.isascii() and c.isalnum() else f"\\{ord(c):x} " for c in text) + '"'

@@ -7,7 +7,7 @@ import re
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +25,16 @@ MANIFEST = "manifest.json"
 class Checked:
     """What the second opinion says of one run folder.
 
-    agrees, open  numbers of findings
-    differs       names of those that differ
+    agrees        number of findings that agree
+    open          name -> why the record cannot decide it
+    differs       names of findings that differ
     uncovered     everything in the folder that no finding decided
     fault         why the folder could not be checked; "" if it was
     """
 
     run: str
     agrees: int = 0
-    open: int = 0
+    open: Mapping[str, str] = field(default_factory=dict)
     differs: tuple[str, ...] = ()
     uncovered: tuple[Uncovered, ...] = ()
     fault: str = ""
@@ -53,6 +54,13 @@ def run_folders(folder: Path) -> list[Path]:
     return sorted(file.parent for file in folder.rglob(MANIFEST) if not _hidden(file.relative_to(folder)))
 
 
+def marks(folder: Path, kinds: Iterable[Kind]) -> list[Path]:
+    """The file by which a folder's kind is known, and the manifest of every run folder in it."""
+    kind = kind_of(folder, (*kinds, *OWN))
+    own = [folder / kind.mark] if kind is not None else []
+    return [*own, *(f for run in run_folders(folder) if (f := run / MANIFEST) not in own)]
+
+
 def _hidden(path: Path) -> bool:
     return any(part.startswith(".") for part in path.parts)
 
@@ -63,9 +71,10 @@ def checked(folder: Path, name: str) -> Checked:
         found = check(folder)
     except UserError as error:
         return Checked(name, fault=str(error))
-    answers = [f.agrees for f in found.findings]
+    agrees = sum(f.agrees is True for f in found.findings)
+    undecided = {f.what: f.why for f in found.findings if f.agrees is None}
     differs = tuple(f.what for f in found.findings if f.agrees is False)
-    return Checked(name, answers.count(True), answers.count(None), differs, tuple(found.uncovered))
+    return Checked(name, agrees, undecided, differs, tuple(found.uncovered))
 
 
 @dataclass
