@@ -1,15 +1,12 @@
-"""Writes the tables of docs/guide/rivals.md from docs/guide/data/rivals: settings found, and costs.
+"""Writes the table of costs in docs/guide/rivals.md from docs/guide/data/rivals.
 
-python docs/rival_settings.py && python docs/rival_costs.py && python docs/rivals_page.py
+python docs/rival_costs.py && python docs/rivals_page.py
 """
 
 from __future__ import annotations
 
 import csv
 from pathlib import Path
-
-from testbed.components import catalogue
-from testbed.statistics.rates import rate_of
 
 GUIDE = Path(__file__).parent / "guide"
 PAGE, DATA = GUIDE / "rivals.md", GUIDE / "data" / "rivals"
@@ -18,33 +15,6 @@ PAGE, DATA = GUIDE / "rivals.md", GUIDE / "data" / "rivals"
 def rows(name: str) -> list[dict[str, str]]:
     with (DATA / f"{name}.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
-
-
-def settings() -> str:
-    """What the search found best for each kind, with exact intervals of the share lost."""
-    lines = [
-        "| kind | tried | best setting | unicycles lost | X8s lost | goals missed | altered, of each |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for kind in catalogue.FILTERS:
-        if not (DATA / f"{kind}.csv").is_file():
-            continue
-        found = rows(kind)
-        [best] = [row for row in found if row["best"] == "1"]
-        n = int(best["n"])
-        lost = [_lost(int(best[f"lost_{plant}"]), n) for plant in ("unicycle", "X8")]
-        late = int(best["late_unicycle"]) + int(best["late_X8"])
-        altered = ", ".join(f"{float(best[f'altered_{plant}']):.2f}" for plant in ("unicycle", "X8"))
-        said = f"`{best['setting']}`" if best["setting"] else "nothing to set"
-        lines.append(
-            f"| `{kind}` | {len(found)} | {said} | {lost[0]} | {lost[1]} | {late} of {2 * n} | {altered} |"
-        )
-    return "\n".join(lines)
-
-
-def _lost(count: int, n: int) -> str:
-    r = rate_of(count, n)
-    return f"{count} of {n} ({100 * r.low:.0f} to {100 * r.high:.0f} %)"
 
 
 def costs() -> str:
@@ -62,13 +32,10 @@ def costs() -> str:
 
 
 def written(page: str) -> str:
-    """The page with its tables anew; each stands between two comments."""
-    end = "<!-- end of table -->"
-    for name, table in (("settings", settings()), ("costs", costs())):
-        begin = f"<!-- table: {name} -->"
-        before, rest = page.split(begin)
-        page = f"{before}{begin}\n{table}\n{end}{rest.partition(end)[2]}"
-    return page
+    """The page with its table anew, which stands between two comments."""
+    begin, end = "<!-- table: costs -->", "<!-- end of table -->"
+    before, rest = page.split(begin)
+    return f"{before}{begin}\n{costs()}\n{end}{rest.partition(end)[2]}"
 
 
 if __name__ == "__main__":
