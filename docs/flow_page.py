@@ -14,7 +14,7 @@ import pandas as pd
 from testbed.statistics import rate
 from testbed.studies.answer.answer import markdown, table
 from testbed.studies.answer.cells import COLUMNS, Cell
-from testbed.studies.answer.design import EVADING, FASTER, KEPT, RANGE, SMOOTHED
+from testbed.studies.answer.design import EVADING, FASTER, KEPT, RANGE, SLEWED, SMOOTHED
 
 GUIDE = Path(__file__).parent / "guide"
 PAGE = GUIDE / "flow-measured.md"
@@ -26,7 +26,7 @@ TITLES = {
 BOTH, D_SAFE_M = ("x8", "rascal"), 5.0
 LAYERS = [Cell(a, 20, "swap", air, KEPT, EVADING) for a in BOTH for air in ("calm", "windy")]
 WEIGHTED = [Cell(a, 20, "swap", "calm", RANGE, "straight") for a in BOTH]
-RANDOM = [Cell(a, 20, "random", "calm", KEPT, EVADING) for a in BOTH]
+RANDOM = [Cell(a, 20, "random", "calm", remedy, EVADING) for remedy in (SLEWED, KEPT) for a in BOTH]
 UNICYCLES = Cell("unicycle", 20, "random", "calm", SMOOTHED, "straight")
 RINGS = [Cell("x8", n, "swap", "calm", FASTER, "roundabout") for n in (20, 50)]
 FLEETS = [*WEIGHTED, *LAYERS, *RINGS, *RANDOM, UNICYCLES]
@@ -67,7 +67,7 @@ def page(flown: pd.DataFrame, answer: pd.DataFrame) -> str:
         lines += [_line(case, of) for case, of in rows.groupby("case", sort=False)]
     cells = table(answer)
     kept = cells[[Cell(*key) in FLEETS for key in cells[COLUMNS].itertuples(index=False)]]
-    lines += ["", "## Fleets in JSBSim, m = 2 m", ""]
+    lines += ["", "## Fleets in JSBSim", ""]
     lines += [
         "120 s, fifty 60 s. All cells, and what the columns are: [answer.md](answer.md).",
         "",

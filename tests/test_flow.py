@@ -100,11 +100,22 @@ def test_gammas_flow_goes_on_where_the_period_before_left_it() -> None:
     assert np.abs(after.z[:, :-1] - before.z[:, 1:]).max() < 1e-6
 
 
-def run(n: int, seed: int, steps: int, level: float = 5.0, kappa: float = 0.1) -> tuple[FlowFilter, float]:
-    """Fly random commands through the filter on its own model; the filter, and the least distance flown."""
+def run(
+    n: int,
+    seed: int,
+    steps: int,
+    level: float = 5.0,
+    kappa: float = 0.1,
+    slew: np.ndarray | None = None,
+    told: list[np.ndarray] | None = None,
+) -> tuple[FlowFilter, float]:
+    """Fly random commands through the filter on its own model; the filter, and the least distance flown.
+
+    told  its commands (n, 3) are added to it
+    """
     rng = np.random.default_rng(seed)
     gamma = Command.of(np.tile(GAMMA, (n, 1)))
-    chosen = FlowFilter([LAGS], gamma, level, DT, kappa=kappa)
+    chosen = FlowFilter([LAGS], gamma, level, DT, kappa=kappa, slew=slew)
     limits = Limits(*(np.full(n, v) for v in (LOW[0], HIGH[0], HIGH[1], HIGH[2])))
     angle = np.arange(n) * 2 * np.pi / n
     # Towards the middle, far enough apart for gamma's circles.
@@ -124,6 +135,8 @@ def run(n: int, seed: int, steps: int, level: float = 5.0, kappa: float = 0.1) -
         )
         decision = chosen(View(now, fleet.achieved()), nominal, limits)
         assert limits.contains(decision.command, 1e-12).all()
+        if told is not None:
+            told.append(decision.command.array())
         track = fleet.step(decision.command, still, 10)
         gap = np.linalg.norm(track[:, i] - track[:, j], axis=-1)
         least = min(least, float(gap.min()))

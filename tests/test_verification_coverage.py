@@ -114,7 +114,7 @@ def test_the_table_has_every_column_that_the_writer_knows() -> None:
 
 
 def folders(tmp_path: Path) -> Iterator[Path]:
-    """Runs of every built-in scenario, of a monitor, of lags, of plans, of near pairs, and one that ended early."""
+    """Runs of every built-in scenario, of a monitor, lags, plans, near pairs, and one that ended early."""
     short = ["duration_s=0.1", "filter_dt_s=0.005", "record_dt_s=0.005", "manoeuvre_instants=1"]
     for name in builtin():
         yield Path(run(load(name, short), tmp_path / name, force=True).path or "")

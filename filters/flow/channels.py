@@ -76,6 +76,29 @@ class Channels:
             np.minimum(rises, _FASTEST),
         )
 
+    def slewed(self, slew: Array) -> Channels:
+        """Those of commands that never change faster than `slew` (3,), unit per second; inf: as they are.
+
+        A lag of T lets a ramp through as it is, T later. So the time constant becomes delay, and the ramp the
+        largest rate; what that leaves out are the ramp's corners, slew T^2 of the integral at most.
+        Raises  ValueError for a slew that is not positive, or faster than a channel of the vehicles
+        """
+        if not np.all(slew > 0):
+            raise ValueError(f"commands change by more than 0 a second, got {slew.tolist()}")
+        some = np.isfinite(slew)
+        most = np.minimum(self.fall, self.rise).min(axis=0)
+        if np.any(some & (slew > most)):
+            raise ValueError(
+                f"commands that change by {slew[some].tolist()} a second are faster than the channels, which"
+                f" change by {most[some].tolist()}"
+            )
+        return Channels(
+            np.where(some, _QUICKEST_S, self.constant),
+            self.delay + np.where(some, self.constant, 0.0),
+            np.where(some, slew, self.fall),
+            np.where(some, slew, self.rise),
+        )
+
     def of_some(self, vehicles: Indices) -> Channels:
         """Those of some vehicles alone."""
         v = vehicles

@@ -60,6 +60,7 @@ class FlowFilter:
     trust    share of the difference between measured and modelled rates that is believed in a period
     said     numbers for the record: how the margin was found
     h_margin m, what the paper's h keeps along the flow; None: h is not kept
+    slew     (3,) per second, what the commands of each channel change by at most; None: without a bound
     cost     "range" divides each channel by its range, "raw" leaves them as they stand
     Raises   ValueError for numbers out of these ranges
 
@@ -80,6 +81,7 @@ class FlowFilter:
         trust: float = 0.1,
         said: Mapping[str, float] | None = None,
         h_margin: float | None = None,
+        slew: Array | None = None,
     ) -> None:
         if not 0 < kappa <= 1:
             raise ValueError(f"kappa is a share in (0, 1], got {kappa}")
@@ -87,7 +89,9 @@ class FlowFilter:
             raise ValueError(f"the margin must be finite and not negative, got {margin} m")
         if cost not in ("range", "raw"):
             raise ValueError(f"cost is 'range' or 'raw', not {cost!r}")
-        self.flow = flow = Flow(Channels.of(lags, len(gamma)), gamma.array(), dt)
+        channels = Channels.of(lags, len(gamma))
+        self._change = np.full(3, np.inf) if slew is None else slew * dt
+        self.flow = flow = Flow(channels if slew is None else channels.slewed(slew), gamma.array(), dt)
         # How far gamma turns in a period, which is also how far apart the phases looked at are.
         self._turn = float(flow.gamma[0, 1]) * dt
         self.phases = Phases(abs(self._turn))
@@ -103,6 +107,7 @@ class FlowFilter:
         one = np.ones((1, 3))
         solve_each(0 * one, np.zeros(1, dtype=np.intp), one, one[0], -one, one)
         self._before: Array | None = None
+        self._told: Array | None = None
         self._clear = np.full((len(gamma), len(gamma)), np.nan)
 
     @property
@@ -121,6 +126,9 @@ class FlowFilter:
         Raises  ValueError if a nominal command or what is seen is not finite
         """
         target, lower, upper = input_set(view, nominal, limits)
+        if self._told is not None:
+            lower = np.maximum(lower, self._told - self._change)
+            upper = np.minimum(upper, self._told + self._change)
         own, flow, n = view.own(), self.flow, len(target)
         state, rates = own.state, own.rates.array()
         if not (state.isfinite().all() and np.isfinite(rates).all()):
@@ -158,6 +166,7 @@ class FlowFilter:
         self._clear = clear
         self._note(clear, ending)
         self._belief.told(u)
+        self._told = u.copy()
         short = np.zeros(n)
         for who in (found.i, found.j):
             there = who < n

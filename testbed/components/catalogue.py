@@ -117,7 +117,7 @@ def _navigation(s: Scenario, b: Barrier, goal: Array) -> Filter:
 
 def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
     from filters.flow.flow_filter import FlowFilter
-    from testbed.components.flow_margin import flow_margin, spare_airspeed
+    from testbed.components.flow_margin import flow_margin, flow_slew, spare_airspeed
 
     said = s.filter
     if not isinstance(said, control.Flow):
@@ -142,6 +142,7 @@ def _flow(s: Scenario, b: Barrier, goal: Array) -> Filter:
             said.trust,
             numbers,
             said.h_margin_m,
+            flow_slew(said),
         )
         made.record.checks["flow_wind"].see(0, *spare_airspeed(s, gamma, flying))
         return made

@@ -14,7 +14,6 @@ from filters.flow.belief import Belief
 from filters.flow.channels import Channels, Lag
 from filters.flow.flow_filter import FlowFilter
 from filters.flow.margin import ErrorSum, ModelError, grid_margin
-from filters.flow.rollout import Flow
 from filters.model import Array, Command, Limits, State, View
 from testbed.scenario.control import Flow as Said
 from testbed.scenario.scenario import Scenario
@@ -44,6 +43,7 @@ class Case:
     d_safe: float
     kappa: float
     trust: float
+    slew: Triple | None
     filter_dt: float
     fdm_dt: float
 
@@ -64,7 +64,11 @@ def flow_margin(
         return said.margin_m, {}
     low = np.stack([limits.v_min, -limits.omega_max, -limits.zeta_max], axis=-1)
     high = np.stack([limits.v_max, limits.omega_max, limits.zeta_max], axis=-1)
-    grid = grid_margin(s.d_safe_m, Channels.of(lags, s.vehicles), low, high, s.rates.filter_dt_s)
+    slew = flow_slew(said)
+    channels = Channels.of(lags, s.vehicles)
+    if slew is not None:
+        channels = channels.slewed(slew)
+    grid = grid_margin(s.d_safe_m, channels, low, high, s.rates.filter_dt_s)
     each = gamma.array()
     errors = [ModelError(0.0, 0.0)]
     for k, airframe in enumerate(airframes):
@@ -78,6 +82,7 @@ def flow_margin(
             s.d_safe_m,
             said.kappa,
             said.trust,
+            None if slew is None else tuple(slew),
             s.rates.filter_dt_s,
             s.rates.fdm_dt_s,
         )
@@ -90,6 +95,14 @@ def flow_margin(
         "accumulated_m": max(e.accumulated for e in errors),
         "between_samples_m": grid,
     }
+
+
+def flow_slew(said: Said) -> Array | None:
+    """What the filter's commands change by at most (3,) a second; None without a bound."""
+    if said.speed_slew_mps2 is None and said.climb_slew_mps2 is None:
+        return None
+    each = (said.speed_slew_mps2, None, said.climb_slew_mps2)
+    return np.array([np.inf if x is None else x for x in each])
 
 
 def spare_airspeed(s: Scenario, gamma: Command, airframes: Sequence[Any]) -> tuple[Array, Indices]:
@@ -132,11 +145,19 @@ def flown(case: Case) -> ModelError:
 def _encounter(plant: Any, case: Case, speed: Array) -> ModelError:
     """One of them, from where the plant is: everybody flies to the other side."""
     n, gamma = VEHICLES, np.tile(case.gamma, (VEHICLES, 1))
-    flow = Flow(Channels.of([case.lags], n), gamma, case.filter_dt)
-    belief, total = Belief(flow, case.trust), ErrorSum(flow, case.kappa, case.d_safe + GUESS_M)
+    slew = None if case.slew is None else np.array(case.slew)
     choose = FlowFilter(
-        [case.lags], Command.of(gamma), case.d_safe, case.filter_dt, GUESS_M, case.kappa, trust=case.trust
+        [case.lags],
+        Command.of(gamma),
+        case.d_safe,
+        case.filter_dt,
+        GUESS_M,
+        case.kappa,
+        trust=case.trust,
+        slew=slew,
     )
+    flow = choose.flow
+    belief, total = Belief(flow, case.trust), ErrorSum(flow, case.kappa, case.d_safe + GUESS_M)
     limits = Limits(*(np.full(n, x) for x in (case.low[0], *case.high)))
     goal, still = -plant.state().position, np.zeros((n, 3))
     for _ in range(round(SECONDS / case.filter_dt)):

@@ -70,6 +70,16 @@ class Flow(Section):
         default=0.1,
         description="share of the difference between measured and modelled rates believed in a period",
     )
+    speed_slew_mps2: Positive | None = Field(
+        default=None,
+        description="speed commands change by at most this, which aircraft can do in a descent too; absent:"
+        " no bound",
+    )
+    climb_slew_mps2: Positive | None = Field(
+        default=None,
+        description="climb commands change by at most this: in turns, a jump also changes the course; absent:"
+        " no bound",
+    )
     cost: Literal["range", "raw"] = Field(
         default="range", description="range divides what each channel is changed by through its range"
     )

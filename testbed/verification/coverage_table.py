@@ -246,6 +246,8 @@ SCENARIO = {
     "filter.monitor": _by("entries"),
     "filter.margin_m": _by("F1 monitor-flow_clear", "R3 monitor-plan_clear", otherwise=_PLANS),
     "filter.trust": _by("F1 monitor-flow_clear", "R3 monitor-plan_clear", otherwise=_PLANS),
+    "filter.speed_slew_mps2": _by("F1 monitor-flow_clear"),
+    "filter.climb_slew_mps2": _by("F1 monitor-flow_clear"),
     "filter.kappa": _by("F2 monitor-flow_step", otherwise=_PLANS),
     "filter.range_m": _no("whom a rival looked at is not recorded"),
     **{f"filter.{name}": _no("the QPs of rivals are not solved again") for name in OF_RIVALS},

@@ -53,6 +53,16 @@ class Lagging:
         fall, rise = np.minimum(fall, NO_LIMIT), np.minimum(rise, NO_LIMIT)
         return cls(np.maximum(constant, NO_LAG_S), delay, fall, rise)
 
+    def under(self, slew: Array) -> Lagging:
+        """Of commands that change by `slew` (3,) a second at most: a lag lets a ramp through, later."""
+        some = slew < np.inf
+        return Lagging(
+            np.where(some, NO_LAG_S, self.constant),
+            self.delay + np.where(some, self.constant, 0.0),
+            np.where(some, slew, self.fall),
+            np.where(some, slew, self.rise),
+        )
+
     def stepped(self, y: Array, told: Array, long: Array | float) -> Array:
         """The channels (..., N, 3) after `long` [s] under commands `told`."""
         free = (told - y) * -np.expm1(-long / self.constant)
@@ -71,7 +81,13 @@ def flow_claims(rows: Rows) -> Iterator[Finding]:
     known = model_lags(rows.s)
     if not why and known is None:
         why = "the lags of the model are not to be found"
-    least = None if why or known is None else _clearances(run, Lagging.of(known))
+    slew = slews(rows.s)
+    if (
+        not why
+        and (np.abs(np.diff(run.command, axis=0)) > slew * rows.s["rates"]["filter_dt_s"] + 1e-9).any()
+    ):
+        why = "commands change faster than the filter says that they may"
+    least = None if why or known is None else _clearances(run, Lagging.of(known).under(slew))
     for id in names:
         judge = Judge(run, run.guarantees[id])
         follows(judge, BOUNDS[id])
@@ -86,6 +102,12 @@ def model_lags(s: dict[str, Any]) -> Array | None:
     if s["plant"] == "unicycle" and s["lags"]["source"] == "airframe":
         return np.tile([0.0, 0.0, np.inf, np.inf], (s["vehicles"], 3, 1))
     return lags(s)
+
+
+def slews(s: dict[str, Any]) -> Array:
+    """What the filter's commands change by at most (3,) a second."""
+    said = (s["filter"].get(name) for name in ("speed_slew_mps2", "omega", "climb_slew_mps2"))
+    return np.array([np.inf if x is None else x for x in said])
 
 
 def _wind(run: Recorded, judge: Judge) -> Finding:

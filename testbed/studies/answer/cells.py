@@ -59,6 +59,15 @@ REMEDIES: dict[str, Fields] = {
         "filter.h_margin_m": 1.5,
         "filter.kappa": 0.5,
     },
+    # Commands change no faster than an aircraft can slow down in a descent of 2 m/s, and follow in a turn.
+    "flow, +1 m, h kept, slewed": {
+        "filter.kind": "flow",
+        "filter.margin_m": 1.0,
+        "filter.h_margin_m": 1.0,
+        "filter.kappa": 0.5,
+        "filter.speed_slew_mps2": 1.0,
+        "filter.climb_slew_mps2": 2.0,
+    },
     "flow, +2 m, kappa 0.5": {"filter.kind": "flow", "filter.margin_m": 2.0, "filter.kappa": 0.5},
     "lags, +1 m, smoothed, alpha 0.3 h": {
         "remedy.predict_lags": True,

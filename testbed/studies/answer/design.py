@@ -16,6 +16,7 @@ FIRST_SEED = 2001
 NONE, SMOOTHED, LAGS = "none", "smoothed", "lags, +0.5 m"
 LAGS_4, RANGE, FLOW = "lags, +4 m, smoothed", "lags, +4 m, smoothed, range cost", "flow, +2 m"
 KEPT, FASTER, EVADING = "flow, +2 m, h kept", "flow, +2 m, kappa 0.5", "evading layers"
+SLEWED = "flow, +1 m, h kept, slewed"
 SENSED = ("x8@typical", "x8@arduplane@typical", "x8@px4@typical")
 
 
@@ -134,6 +135,19 @@ DESIGN = (
         "Wind, without the flow filter",
         5,
         _cells(("x8",), 20, "swap", ("windy",), (RANGE,)),
+    ),
+    Block(
+        "Random goals under commands that change slowly, both aircraft",
+        20,
+        _cells(BOTH, 20, "random", CALM, (SLEWED,), (EVADING,)),
+    ),
+    Block(
+        "The same in wind, and where the fleet changes places",
+        5,
+        (
+            *_cells(BOTH, 20, "random", ("windy",), (SLEWED,), (EVADING,)),
+            *_cells(BOTH, 20, "swap", CALM, (SLEWED,), (EVADING,)),
+        ),
     ),
 )
 CELLS = {cell: block.seeds for block in DESIGN for cell in block.cells}
