@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -15,6 +16,7 @@ import testbed
 from aircraft.airframe import load
 from aircraft.jsbsim.fleet import JsbsimFleet
 from aircraft.jsbsim.stepping import shared
+from aircraft.jsbsim.stepping.waiting import AWAKE_S, Inbox
 from filters.model import Command, State
 from testbed.campaigns import bases, child
 from testbed.campaigns.identity import content_id
@@ -139,6 +141,17 @@ while True:
     assert flying.wait(20) != 0
     flying.stdout.close()
     assert gone(worker) and not segments()
+
+
+@pytest.mark.parametrize("late_s", [0.0, 3 * AWAKE_S])
+def test_what_is_sent_while_a_process_looks_or_sleeps_arrives_and_a_closed_pipe_is_noticed(late_s):
+    out, into = os.pipe()
+    with os.fdopen(out, "rb") as stream:
+        inbox = Inbox(stream)
+        timer = threading.Timer(late_s, lambda: (os.write(into, b"s"), os.close(into)))
+        timer.start()
+        assert (inbox.read(), inbox.read()) == (b"s", b"")
+        timer.join()
 
 
 def test_a_worker_that_finds_no_steady_flight_says_so_in_the_same_words():

@@ -129,7 +129,7 @@ def folders(tmp_path: Path) -> Iterator[Path]:
             ["filter.kind=flow", "filter.margin_m=identified", "plant=lagged", "lags.source=airframe"],
             ["filter.kind=gatekeeper", "plant=lagged", "filter_dt_s=0.05", "record_dt_s=0.05"],
             ['fence=[{kind="heights", floor_m=-50}]'],
-            ["vehicles=151", "start.radius_m=400", "manoeuvre_instants=0"],
+            ["vehicles=81", "start.radius_m=400", "manoeuvre_instants=0"],
         )
     ):
         yield Path(run(load("paper-2-turn", [*short, *more]), tmp_path / f"{k}").path or "")
