@@ -100,6 +100,23 @@ def test_gammas_flow_goes_on_where_the_period_before_left_it() -> None:
     assert np.abs(after.z[:, :-1] - before.z[:, 1:]).max() < 1e-6
 
 
+def test_what_the_next_command_does_is_seen_also_where_all_fly_gamma() -> None:
+    """The last circle is the one flown for ever, also of vehicles that have settled and are told to turn."""
+    n, flow = 2, flow_of(2)
+    state = drawn(np.random.default_rng(4), n, flow.depth)[0]
+    rates = np.tile(GAMMA, (n, 1))
+    queued, u = np.tile(GAMMA, (flow.depth, n, 1)), np.stack([LOW, HIGH])
+    told = np.maximum(np.abs(LOW - GAMMA), np.abs(HIGH - GAMMA)) + 0 * rates
+
+    def centre(times: np.ndarray) -> np.ndarray:
+        return flow.roll(flow.begin(state, rates, queued, times), u).centre
+
+    late = centre(DT * np.arange(1, 401))
+    assert np.abs(centre(flow.times(rates, told)) - late).max() < 2e-3
+    # With instants of the rates alone this was missed.
+    assert np.abs(centre(flow.times(rates)) - late).max() > 0.05
+
+
 def run(
     n: int,
     seed: int,

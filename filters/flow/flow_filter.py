@@ -135,7 +135,9 @@ class FlowFilter:
             raise ValueError("the flow needs finite poses and rates")
         self._belief.see(rates)
         rates, queued = self._belief.rates, self._belief.queued
-        begun = flow.begin(state, rates, queued, flow.times(rates))
+        ends = np.stack([lower, upper, *queued])
+        told = np.abs(ends - flow.gamma).max(axis=0)
+        begun = flow.begin(state, rates, queued, flow.times(rates, told))
         gamma = np.minimum(np.maximum(flow.gamma, lower), upper)
         wanted = Wanted(target, lower, upper, gamma, self._scale(lower, upper))
         covered = flow.covered(begun, np.stack([gamma, lower, upper, wanted.clipped]))

@@ -162,17 +162,18 @@ class Flow:
         changing = self.channels.towards(rates, heard(self._back + 1)).value(self._until)
         return self.channels.towards(changing, heard(self._back)).value(self.dt - self._until)
 
-    def times(self, rates: Array) -> Array:
+    def times(self, rates: Array, told: Array | None = None) -> Array:
         """Instants dt, 2 dt, ... [s] until all channels have settled on gamma, whatever is on its way.
 
         rates  (N, 3) now. Commands on their way carry a channel no further off than its largest rate allows.
+        told   (N, 3) how far from gamma commands may be; None: they are gamma
         """
         c = self.channels
         moved = c.delay + self.dt
         gap = np.abs(rates - self.gamma)
         slowest = np.minimum(c.fall, c.rise)
         bounded = np.maximum(gap / slowest - c.constant, 0.0)
-        left = np.minimum(gap, slowest * c.constant)
+        left = np.minimum(gap if told is None else np.maximum(gap, told), slowest * c.constant)
         settled = bounded + c.constant * np.log(np.maximum(left / SETTLED, 1.0))
         longest = float(np.max(2 * moved + settled))
         return np.asarray(self.dt * np.arange(1.0, np.ceil(longest / self.dt) + 1))
