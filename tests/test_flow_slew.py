@@ -114,6 +114,7 @@ def test_verify_derives_the_claims_and_finds_another_slew(tmp_path: Path) -> Non
     flown = testbed.run(encounter(**SLOW, duration_s=2), out=folder)
     found = {f.what: f for f in check(folder).findings}
     assert all(f.agrees is not False for f in found.values())
+    assert found["override"].agrees is True  # what the slew alone changes is the filter's doing too
     value = flown.guarantee("monitor-flow_clear")["value"]
     assert float(found["F1 monitor-flow_clear"].own) == pytest.approx(value, abs=2e-3)
     for slew in (None, 1.5):

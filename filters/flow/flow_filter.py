@@ -125,7 +125,8 @@ class FlowFilter:
 
         Raises  ValueError if a nominal command or what is seen is not finite
         """
-        target, lower, upper = input_set(view, nominal, limits)
+        problem = Problem(*input_set(view, nominal, limits))
+        target, lower, upper = problem.target, problem.lower, problem.upper
         if self._told is not None:
             lower = np.maximum(lower, self._told - self._change)
             upper = np.minimum(upper, self._told + self._change)
@@ -175,7 +176,7 @@ class FlowFilter:
             np.maximum.at(short, who[there], self.level - found.least[there])
         status = np.full(n, int(Status.SOLVED))
         status[(short > 0) & (ending == Ending.EVADING)] = int(Status.INFEASIBLE)
-        return Problem(target, lower, upper).decision(u, status, short, None, np.zeros(0))
+        return problem.decision(u, status, short, None, np.zeros(0))
 
     def _choose(
         self, posed: Posed, wanted: Wanted, covered: Array, moved: Array
