@@ -164,6 +164,7 @@ def test_a_worker_that_finds_no_steady_flight_says_so_in_the_same_words():
 def test_small_fleets_are_stepped_by_one_process_and_large_ones_by_all(monkeypatch):
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr("testbed.components.fleet_workers.processors", lambda: 4)
+    monkeypatch.setattr(os, "getloadavg", lambda: (4.0, 9.0, 9.0))
 
     def chosen(*more: str) -> int:
         return fleet_workers(testbed.load_scenario("paper-20-turn", [*X8S, *more]))
@@ -177,6 +178,8 @@ def test_small_fleets_are_stepped_by_one_process_and_large_ones_by_all(monkeypat
     assert chosen(*few, "vehicles=26", "filter_dt_s=0.005") == 1
     assert chosen("duration_s=20", "rates.workers=3") == 3
     assert chosen("duration_s=20", "rates.workers=30") == 20
+    monkeypatch.setattr(os, "getloadavg", lambda: (8.0, 0.0, 0.0))
+    assert chosen("duration_s=200") == 1  # others keep all processors busy
     monkeypatch.setenv(VARIABLE, child.ENVIRONMENT[VARIABLE])  # within a campaign's worker
     assert chosen("duration_s=200") == 1
 
