@@ -15,8 +15,8 @@ VARIABLE = "TESTBED_FLEET_WORKERS"
 # two periods more: by then the aircraft has left the processor's cache. In the run: starting a worker takes
 # 0.4 s of a processor, and a period 8 us.
 TURN, PERIODS_PER_STEP, PERIODS_PER_RUN = 2, 80, 200_000
-# Tasks that want a processor, for each that there is, above which a second process is only waited for: 20 X8s
-# at 20 Hz then took two processes twenty times what one takes (measured with four tasks a processor).
+# Tasks that want a processor, for each that there is, above which a second process would be waited for in every
+# step: it gets its turn some milliseconds later.
 BUSY = 1.25
 
 
@@ -28,12 +28,9 @@ def fleet_workers(s: Scenario) -> int:
     if said.isdecimal() and int(said) > 0:
         return min(int(said), s.vehicles)
     per_step = s.vehicles * (s.rates.fdm_steps + TURN)
-    if (
-        os.name != "posix"
-        or os.getloadavg()[0] > BUSY * processors()
-        or per_step < PERIODS_PER_STEP
-        or per_step * s.filter_steps < PERIODS_PER_RUN
-    ):
+    if per_step < PERIODS_PER_STEP or per_step * s.filter_steps < PERIODS_PER_RUN:
+        return 1
+    if os.name != "posix" or os.getloadavg()[0] > BUSY * processors():
         return 1
     return min(processors(), s.vehicles)
 
