@@ -15,8 +15,8 @@ VARIABLE = "TESTBED_FLEET_WORKERS"
 # two periods more: by then the aircraft has left the processor's cache. In the run: starting a worker takes
 # 0.4 s of a processor, and a period 8 us.
 TURN, PERIODS_PER_STEP, PERIODS_PER_RUN = 2, 80, 200_000
-# Tasks that want a processor, for each that there is, above which a second process would be waited for in every
-# step: it gets its turn some milliseconds later.
+# Tasks that want a processor, for each that there is, above which a second process would be waited for in
+# every step: it gets its turn some milliseconds later.
 BUSY = 1.25
 
 
