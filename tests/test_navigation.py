@@ -41,6 +41,27 @@ def test_alone_a_vehicle_flies_straight_to_its_goal():
     np.testing.assert_allclose([state.x[0], state.y[0]], [200.0, 0.0], atol=1e-6)
 
 
+def test_alone_only_the_goal_holds_a_vehicle():
+    """What a navigation function is for: the slope is nowhere zero and leads nearer to the goal."""
+    x, y = (q.ravel() for q in np.meshgrid(np.linspace(-900, 900, 15), np.linspace(-880, 920, 15)))
+    goal = np.tile([200.0, 0.0], (x.size, 1))
+    state, nobody = State(x, y, 0 * x, 0 * x), np.zeros(x.size, dtype=bool)
+    downhill = -NavigationFilter(goal, -goal).gradient(View(state, view_of(state).rates, known=nobody))
+    ahead = (200.0 - x) - 1j * y
+    assert (np.abs(downhill) > 0).all() and ((downhill * np.conj(ahead)).real > 0).all()
+
+
+def test_behind_another_vehicle_on_its_way_the_swirl_leads_it_off_the_saddle():
+    """Without it the slope in line with the other and the goal has no side: there is the saddle."""
+    state = State([-12.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+    goal, start = [[200.0, 0.0], [0.0, 200.0]], [[-200.0, 0.0], [0.0, -200.0]]
+    sides = [
+        NavigationFilter(goal, start, vehicle_margin=40.0, swirl=swirl).gradient(view_of(state))[0]
+        for swirl in (1e-12, 0.08)
+    ]
+    assert abs(np.sin(np.angle(sides[0]))) < 1e-9 < 0.05 < abs(np.sin(np.angle(sides[1])))
+
+
 def test_a_vehicle_off_its_course_turns_towards_the_goal():
     steer = NavigationFilter([[200.0, 0.0]], [[-200.0, 0.0]])
     for theta, sign in ((0.5, -1), (-0.5, 1), (np.pi - 0.1, -1)):

@@ -131,6 +131,22 @@ def test_the_rows_are_the_rate_of_h_along_the_motion() -> None:
         assert rows.rhs[r] == pytest.approx(-0.7 * rows.h[r] - rows.drift[r])
 
 
+@settings(max_examples=100, deadline=None)
+@given(vectors, velocities, st.floats(-np.pi, np.pi))
+def test_whatever_the_state_some_acceleration_moves_the_cones_h(
+    p: np.ndarray, w: np.ndarray, course: float
+) -> None:
+    """The authors' theorem, L_g h != 0: |p + w s / |w|| >= |p| - s = r^2 / (|p| + s), s the tangent."""
+    far = np.linalg.norm(p)
+    if far < 1.01 * DS or np.linalg.norm(w) < 1e-3:
+        return
+    state = State(*np.column_stack([np.zeros(3), p])[:2], np.array([0.0, course]), np.array([0.0, p[2]]))
+    rates = Command(np.full(2, 20.0), np.zeros(2), np.array([0.0, w[2]]))
+    rows, _ = CollisionConeFilter(DS, 1.0, 0.8, 1.3, 1e4).rows(View(state, rates))
+    lever = np.linalg.norm(rows.lie[0] * np.array([0.8, 1 / 20.0, 1.3]), axis=1)
+    assert (lever >= 0.999 * DS**2 / (far + np.sqrt(far**2 - DS**2)) - 1e-9).all()
+
+
 def test_a_vehicle_outside_the_cone_stays_outside_while_the_other_keeps_its_velocity() -> None:
     f, dt = CollisionConeFilter(DS, 2.0, 0.02, 1.0, 1e4), 0.02
     state, rates, least = meeting(miss=6.0, apart=150.0).state, wanted(2), np.inf
@@ -184,6 +200,21 @@ def test_where_the_plain_rows_have_no_solution_it_has_one() -> None:
     _, _, (decay,), residual = f.solve(Problem(*input_set(view, wanted(2), limits(2))), (rows,))
     # hdot is at best -2 v_min, and 3 m of h give 1.5 m/s: the factor has to be at least 20.
     assert decay[0] >= 2 * 15.0 / 1.5 - 1e-6 and residual.max() < 1e-6
+
+
+def test_with_room_in_the_limits_the_optimum_of_one_row_is_in_closed_form() -> None:
+    """Least |u - u_hat|^2 + p (w - 1)^2 with a u + w alpha + drift >= 0: along (a, alpha / p)."""
+    view, p = meeting(miss=2.0, apart=58.0), 0.3
+    wide = Limits(*(np.full(2, x) for x in (0.1, 500.0, 50.0, 500.0)))
+    rows = pair_rows(TURN.values(view.state), view.state, linear(0.5))
+    problem = Problem(*input_set(view, wanted(2), wide))
+    u, _, (decay,), _ = OptimalDecayFilter(TURN, linear(0.5), p).solve(problem, (rows,))
+    a, alpha = np.concatenate([rows.lie[0][0], rows.lie[1][0]]), 0.5 * rows.h[0]
+    short = float(rows.rhs[0] - a @ problem.target.ravel())
+    assert short > 0.1
+    step_ = short / (a @ a + alpha**2 / p)
+    assert u.ravel() == pytest.approx(problem.target.ravel() + step_ * a, abs=1e-6)
+    assert decay[0] == pytest.approx(1.0 + step_ * alpha / p, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
