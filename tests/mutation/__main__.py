@@ -40,7 +40,10 @@ FILES = [
         "barriers/rollout", "wrappers/row_margins", "wrappers/air_mass", "wrappers/pose_prediction",
         "constraints", "filter", "barriers/euclidean", "barriers/per_pair", "cbf/problem",
         "cbf/theorem_monitor", "qp/single", "qp/batch", "qp/active_set", "qp/infeasibility",
-        "rivals/navigation",
+        *(f"rivals/{rival}" for rival in (
+            "navigation", "collision_cone", "optimal_decay", "velocity_obstacles", "least_violation",
+            "backup", "gatekeeper", "plans", "plan_programs", "receding_horizon",
+        )),
     )),
     *(f"testbed/{name}.py" for name in ("claims/guarantees", "records/verdict", "claims/premises")),
     *(f"filters/{name}.py" for name in (
@@ -49,7 +52,12 @@ FILES = [
     # What makes a verdict right: the border, the judge, the second opinion, provenance, trim, statistics.
     *(f"testbed/{name}.py" for name in (
         "scenario/randomness", "statistics/means", "statistics/distinct", "campaigns/distinct",
-        "measures/extreme", "measures/between_samples", "measures/declared_rows",
+        *(f"measures/{name}" for name in (
+            "extreme", "between_samples", "declared_rows", "chords", "cylinders", "declared_barrier",
+            "encounter_comparison", "encounter_measures", "fence_statistics", "hdot_ledger", "lost_volumes",
+            "near_misses", "progress", "roles", "run_statistics", "saturation", "solo_time", "track_error",
+        )),
+        *(f"rare_events/{name}" for name in ("estimate", "importance", "limit_states", "subset")),
         "claims/own_filter", "claims/judging", "claims/registry",
         "components/border/contract", "components/border/making", "components/border/others",
         "components/border/plant",
@@ -84,6 +92,7 @@ TESTS = [
     *("verification_coverage", "verification_forged_claims", "verification_forged_tables"),
     *("campaign_file", "engines", "provenance", "stability", "trim"),
     *("continuation", "engines_held", "freshness", "placing", "pulses", "steady_flight"),
+    *("measures", "rare_events", "rivals", "rivals_known", "plan_rivals"),
 ]
 THIRD_PARTY = (
     "numpy",
