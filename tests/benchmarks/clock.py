@@ -68,7 +68,8 @@ def in_turn(vehicles: int, periods: int) -> float:
             for _ in range(periods):
                 step()
 
-    return least(turn, 40, max(1, 20 // periods)) / (vehicles * periods)
+    goes = min(40, max(5, 4000 // vehicles))
+    return least(turn, goes, max(1, 20 // periods)) / (vehicles * periods)
 
 
 @dataclass

@@ -16,7 +16,7 @@ import numpy as np
 
 import testbed
 from aircraft.jsbsim.fleet import JsbsimFleet
-from benchmarks.clock import BareStep
+from benchmarks.clock import BareStep, in_turn
 from benchmarks.interval import median_of, until_decided
 from benchmarks.runs import RUNS
 from filters.barriers.closed_form import TurnBarrier
@@ -95,6 +95,8 @@ def cost(vehicles: int, workers: int, bare: BareStep, place: Path) -> dict[str, 
         "start_s": start_s,
         "beyond_fdm": 1.0 - fleet.seconds / flight,
         "bare_us": 1e6 * unit,
+        # The same by JSBSim alone, in turns of as many periods with nothing between.
+        "in_turn": in_turn(vehicles, 10) / unit if workers == 1 else 0.0,
         **median_of((each / unit).tolist()).to_json(),
     }
 

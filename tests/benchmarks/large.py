@@ -61,14 +61,15 @@ def text(found: dict[str, Any]) -> str:
     """The curve to 1,000, and what else was measured of large fleets."""
     f = found["fleets"]
     lines = [
-        "| X8s | workers | bare steps a vehicle-step | 95 % interval | beyond FDM | start-up |",
-        "|---|---|---|---|---|---|",
+        "| X8s | workers | bare steps a vehicle-step | interval (95 %) | aircraft alone | not FDM | start-up |",
+        "|---|---|---|---|---|---|---|",
     ]
     for row in f["curve"]:
         noisy = " (noisy)" if row["noisy"] else ""
         interval = f"{row['low']:.2f} to {row['high']:.2f}{noisy}"
+        alone = f"{row['in_turn']:.2f}" if row.get("in_turn") else ""
         lines.append(
-            f"| {row['vehicles']} | {row['workers']} | {row['value']:.2f} | {interval} |"
+            f"| {row['vehicles']} | {row['workers']} | {row['value']:.2f} | {interval} | {alone} |"
             f" {100 * row['beyond_fdm']:.0f} % | {row['start_s']:.2f} s |"
         )
     steps = ", ".join(f"{row['us'] / 1000:.2f} ms for {row['vehicles']}" for row in f["filter"])
