@@ -61,7 +61,7 @@ def text(found: dict[str, Any]) -> str:
     """The curve to 1,000, and what else was measured of large fleets."""
     f = found["fleets"]
     lines = [
-        "| X8s | workers | bare steps a vehicle-step | interval (95 %) | aircraft alone | not FDM | start-up |",
+        "| X8s | workers | bare steps a vehicle-step | interval (95 %) | aircraft alone | not FDM | start |",
         "|---|---|---|---|---|---|---|",
     ]
     for row in f["curve"]:
