@@ -15,6 +15,7 @@ from testbed.campaigns.inprocess import InProcess
 from testbed.campaigns.journal import Journal
 from testbed.errors import UserError
 from testbed.rare_events import importance, subset
+from testbed.rare_events.estimate import Estimate
 from testbed.rare_events.importance import OWN, Proposal, fitted, log_normal, weighed
 from testbed.rare_events.limit_states import Known, crossing, linear, passing, sphere
 from testbed.scenario.scenario import Scenario, load
@@ -99,6 +100,14 @@ def test_subsets_that_cannot_reach_the_event_say_so() -> None:
     found = subset.estimate(lambda z: 1.0 + np.abs(z[:, 0]), 2, np.random.default_rng(7), 40, 3)
     assert found.probability == found.low == 0.0 and found.high > 0.0
     assert "did not reach the event" in found.doubts[0]
+
+
+def test_plain_sampling_needs_as_many_runs_as_it_had() -> None:
+    """Its relative standard error is that of a binomial share; without an event it is unknown."""
+    plain = Estimate(0.0176, 0.0141, 0.0216, 5000, ((1 - 0.0176) / (0.0176 * 5000)) ** 0.5, 0.95, "plain")
+    assert plain.plain_runs == pytest.approx(5000)
+    for p, error in ((0.0, np.nan), (1.0, 0.1), (0.01, 0.0)):
+        assert np.isnan(Estimate(p, 0.0, 1.0, 10, error, 0.95, "plain").plain_runs)
 
 
 def test_too_few_runs_are_refused() -> None:

@@ -43,6 +43,3 @@ class Estimate:
         if not (0.0 < p < 1.0 and self.error > 0.0):
             return np.nan
         return (1.0 - p) / (p * self.error**2)
-
-    def __str__(self) -> str:
-        return f"{self.probability:.3g} [{self.low:.3g}, {self.high:.3g}] in {self.runs} runs"
