@@ -24,6 +24,7 @@ from testbed.studies.answer.design import (
     LAGS,
     NONE,
     RANGE,
+    SLEWED,
     SMOOTHED,
     Block,
 )
@@ -49,8 +50,7 @@ FIRST = (
     Cell("x8", 20, "swap", "calm", FASTER, "roundabout"),
     Cell("x8", 50, "swap", "calm", FASTER, "roundabout"),
     Cell("unicycle", 20, "random", "calm", SMOOTHED, "straight"),
-    Cell("x8", 20, "random", "calm", KEPT, EVADING),
-    Cell("rascal", 20, "random", "calm", KEPT, EVADING),
+    *(Cell(a, 20, "random", "calm", remedy, EVADING) for remedy in (KEPT, SLEWED) for a in ("x8", "rascal")),
 )
 SHORT = "| fleet | remedy; guidance | runs that lose Ds | 95 % | runs with h < 0 | vehicles that arrive |"
 
