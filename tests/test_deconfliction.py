@@ -22,7 +22,7 @@ from testbed.scenario import guidance as tables
 from testbed.scenario.scenario import Scenario, load, parse
 from testbed.simulation.refly import refly
 from testbed.verification.check import verify
-from tests.forgery import seal
+from tests.forgery import copied, differing, edit_cell, read, seal, write
 
 DT = 0.05
 OMEGA = np.radians(13.0)
@@ -274,6 +274,46 @@ def test_a_run_is_verified_and_flown_again(name: str, tmp_path: Path) -> None:
     (tmp_path / "r/manifest.json").write_text(json.dumps(manifest))
     seal(tmp_path / "r")
     assert "nominal" in [f.what for f in verify(tmp_path / "r") if f.agrees is False]
+
+
+def placed(x: float, course: float, goal: list[float], **layers: Any) -> dict[str, Any]:
+    to = dict(zip(("goal_x_m", "goal_y_m", "goal_z_m"), goal, strict=True))
+    return {"x_m": x, "y_m": 0.0, "course_deg": course, **to, "guidance": {"kind": "layers", **layers}}
+
+
+def test_layers_that_know_the_turn_are_verified_from_arrival_to_waiting(tmp_path: Path) -> None:
+    vehicles = [
+        placed(0, 90, [300, 0, 0], goal_offset_m=12.0, evading=True),  # arrives and parks, as the next two do
+        placed(600, 0, [900, -40, 0], evading=True, climb_mps=1.5),
+        placed(-400, 180, [-100, 30, 0], goal_offset_m=3.0, evading=True),
+        placed(1200, 0, [1200, 100, 0], evading=True),  # flies away first: changes its layer
+        placed(1800, 0, [2000, 0, 0], goal_offset_m=6.0),
+    ]
+    fields: dict[str, Any] = {"vehicle": vehicles, "duration_s": 34.0, "filter": {"kind": "none"}}
+    coarse = ["filter_dt_s=0.2", "record_dt_s=0.2"]
+    run = testbed.run(made({"kind": "layers"}, *coarse, **fields), tmp_path / "r", force=True)
+    assert [f.what for f in verify(tmp_path / "r") if f.agrees is False] == []
+    of = {k: each.reset_index() for k, each in run.vehicles.groupby("vehicle")}
+    assert [of[k].omega_nominal_radps.nunique() > 1 and abs(of[k].z_m.iloc[-1]) > 6 for k in (1, 2, 3)]
+    zeta = of[4].zeta_nominal_mps.to_numpy()
+    changed = 1 + int(np.argmin(np.diff(zeta)[40:])) + 40
+    assert zeta[changed] < zeta[changed - 1] - 2.0
+    # The time alone is at 20 m/s, though gamma is flown at another speed after the goal.
+    late = run.guarantee("intervention")["detail"]["time_added_s"]
+    parks = of[1].t_s[of[1].v_nominal_mps < 20].iloc[0]
+    assert late[0] == pytest.approx(parks - 280.0 / 20.0, abs=0.2)
+    for vehicle, name, value in ((0, "goal_offset_m", 11.0), (3, "evading", False)):
+        forged = copied(tmp_path / "r", tmp_path / f"{vehicle}")
+        manifest = read(forged, "manifest.json")
+        manifest["scenario"]["vehicle"][vehicle]["guidance"][name] = value
+        write(forged, "manifest.json", manifest)
+        seal(forged)
+        assert "nominal" in differing(forged)
+    for row in (5 * 100, 5 * changed + 3):  # parked, and in another layer
+        forged = copied(tmp_path / "r", tmp_path / f"row {row}")
+        edit_cell(forged, "vehicles", "zeta_nominal_mps", row, 1e-6)
+        seal(forged)
+        assert "nominal" in differing(forged)
 
 
 def test_vehicles_of_one_fleet_share_ring_and_layers_whatever_else_they_say(tmp_path: Path) -> None:

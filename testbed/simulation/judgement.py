@@ -56,7 +56,7 @@ def judge(
     start = setting.start.position
     straight = np.linalg.norm(setting.goal - start, axis=-1)
     aircraft = made.aircraft if made else ()
-    alone = _solo_time(setting, made) if made else None
+    alone = _solo_time(setting, made, "nominal" in own) if made else None
     pairs, safe = (setting.i, setting.j), (setting.started_safe, setting.started_in_fences)
     flown = guarantees.Flown(s, statistics, *pairs, safe[0], end, straight, alone, safe[1], setting.roles)
     # What a user's plant can fly steadily is unknown: that is no pass.
@@ -96,14 +96,18 @@ def judge(
     return Run(manifest, judging.void(verdicts, end), {})
 
 
-def _solo_time(setting: Setting, made: Assembled) -> Array | None:
-    """See `solo_time`; None where a user's guidance does not answer there, nan for other paths."""
+def _solo_time(setting: Setting, made: Assembled, own: bool) -> Array | None:
+    """See `solo_time`; None where a user's guidance does not answer there, nan for other paths.
+
+    own  whether the guidance is a user's. The scenario's is made again: the one flown knows who has arrived
+    """
     start, goal = setting.start.position, setting.goal
     straight = guidance_rules.straight_to_goal(setting.scenario)
     if not any(straight):
         return None
     try:
-        law = made.guidance.law if isinstance(made.guidance, CircleAtGoal) else made.guidance
+        law = made.guidance if own else catalogue.guidance(setting.scenario, goal, setting.barrier)
+        law = law.law if isinstance(law, CircleAtGoal) else law
         alone = solo_time(law, setting.limits, start, goal, setting.scenario.goal_radius_m)
     except Breach:
         return None

@@ -2,38 +2,44 @@
 
 from __future__ import annotations
 
-from math import acos, asin, gcd, hypot, inf, pi, sin, sqrt
+from math import acos, asin, copysign, gcd, hypot, inf, nan, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
 
 from testbed.verification import guidance_laws
+from testbed.verification.making_way import Waiting, parking_height
 
 Array = np.ndarray
 Table = dict[str, Any]
 KINDS = ("layers", "roundabout")
 # Vehicles wait with a turn towards a goal inside a circle of so many times the least turn radius.
 WAIT = 1.2
+# Within this of abeam [rad], round-off decides which turn is long.
+ABEAM = 1e-12
 
 
 def wanted(
     s: Table,
     k: int,
     tables: list[Table],
+    t: Array,
     pose: tuple[Array, Array, Array],
     start: Array,
     to: Array,
-    side: float,
+    gamma: Array,
 ) -> Array:
     """(T, 3): v, omega, zeta that vehicle k (from 0) wants at all filter steps from the first on.
 
-    tables  of all vehicles;  pose  place as east + 1j north, height and course, (T,) each
+    nan where round-off decides it.
+
+    tables  of all vehicles;  t  (T,) s;  pose  place as east + 1j north, height and course, (T,) each
     start, to  (N, 3) m, where vehicles begin, and their goals
-    side    +1 for an evading turn to the left, -1 to the right
+    gamma   (3,) of the vehicle's evading turn
     """
     if tables[k]["kind"] == "layers":
-        return _layered(s, k, tables, pose, start, to)
-    return _around(s, k, tables, pose, to, side)
+        return _layered(s, k, tables, t, pose, start, to, gamma)
+    return _around(s, k, tables, pose, to, float(np.sign(gamma[1])))
 
 
 def _level(s: Table, k: int, tables: list[Table], start: Array, to: Array) -> float:
@@ -50,7 +56,8 @@ def _level(s: Table, k: int, tables: list[Table], start: Array, to: Array) -> fl
             half = hypot(to[v, 0] - start[v, 0], to[v, 1] - start[v, 1]) / 2 - s["goal_radius_m"]
             rate = law["climb_mps"] or 0.7 * guidance_laws.limits(s, v)[1]
             least = min(least, half / law["speed_mps"] * rate)
-        count = min(len(flying), max(1, 1 + int(2.0 * max(least, 0.0) / gap)))
+        least = max(least, 0.0) + law["goal_offset_m"]
+        count = min(len(flying), max(1, 1 + int(2.0 * least / gap)))
     leap = max(1, round(0.38 * count))
     while gcd(leap, count) > 1:
         leap += 1
@@ -58,33 +65,63 @@ def _level(s: Table, k: int, tables: list[Table], start: Array, to: Array) -> fl
 
 
 def _layered(
-    s: Table, k: int, tables: list[Table], pose: tuple[Array, Array, Array], start: Array, to: Array
+    s: Table,
+    k: int,
+    tables: list[Table],
+    t: Array,
+    pose: tuple[Array, Array, Array],
+    start: Array,
+    to: Array,
+    gamma: Array,
 ) -> Array:
     law, (turn, rise) = tables[k], guidance_laws.limits(s, k)
     layer, goal, radius = _level(s, k, tables, start, to), to[k], s["goal_radius_m"]
-    slope = (law["climb_mps"] or 0.7 * rise) / law["speed_mps"]
+    descent = law["climb_mps"] or 0.7 * rise
+    slope, gain = descent / law["speed_mps"], law["height_gain_per_s"]
+    side, park, waiting = 0.0, 0.0, None
+    if law["evading"]:
+        all_ = [
+            (_level(s, v, tables, start, to), v) for v in range(len(tables)) if tables[v]["kind"] == "layers"
+        ]
+        side, park = float(np.sign(gamma[1])), parking_height(all_, k, s["d_safe_m"])
+        waiting = Waiting(all_, k, layer, gamma[1])
     found, there = np.empty((len(pose[0]), 3)), False
-    for row, (place, z, theta) in enumerate(zip(*pose, strict=True)):
+    for row, (when, place, z, theta) in enumerate(zip(t, *pose, strict=True)):
         away = complex(goal[0], goal[1]) - place
         there = there or sqrt(abs(away) ** 2 + (z - goal[2]) ** 2) <= radius
+        if waiting is not None:
+            layer = waiting.at(when, abs(away), there)
+            if there:
+                climbs = min(max(gain * (park - z), -rise, -descent), rise, descent)
+                found[row] = gamma[0], gamma[1], climbs
+                continue
         room = max(abs(away) - radius, 0.0) * slope
+        # The goal is passed so far above or below.
+        end = goal[2] + copysign(min(abs(layer - goal[2]), law["goal_offset_m"]), layer - goal[2])
         height, climbs = layer, 0.0
-        if not there and room < abs(layer - goal[2]):
-            above = 1.0 if layer > goal[2] else -1.0
-            height = goal[2] + above * room
+        if not there and room < abs(layer - end):
+            above = 1.0 if layer > end else -1.0
+            height = end + above * room
             nearing = law["speed_mps"] * (away * np.exp(-1j * theta)).real / max(abs(away), 1e-9)
             climbs = -above * slope * nearing if room > 0.0 else 0.0
-        zeta = climbs + law["height_gain_per_s"] * (height - z)
-        omega = _towards(away * np.exp(-1j * theta), law, turn)
+        zeta = climbs + gain * (height - z)
+        omega = _towards(away * np.exp(-1j * theta), law, turn, side)
         found[row] = law["speed_mps"], omega, min(max(zeta, -rise), rise)
     return found
 
 
-def _towards(seen: complex, law: Table, turn: float) -> float:
-    """The turn rate towards a goal that is at `seen` ahead + 1j to the left."""
+def _towards(seen: complex, law: Table, turn: float, side: float = 0.0) -> float:
+    """The turn rate towards a goal that is at `seen` ahead + 1j to the left; nan if round-off decides it.
+
+    side  +1 if turns of more than 90 deg are to the left, -1 to the right, 0 the shorter way
+    """
     angle = float(np.angle(seen))
     angle = angle - 2 * pi if angle >= pi - 1e-9 else angle
     rate = min(max(law["course_gain_per_s"] * angle, -turn), turn)
+    if side and abs(abs(angle) - pi / 2) < ABEAM:
+        rate = rate if rate * side == turn else nan
+    elif side and abs(angle) > pi / 2:
+        rate = side * turn
     circle = 2.0 * WAIT * law["speed_mps"] / max(turn, 1e-6) * abs(seen.imag)
     return rate if abs(seen) ** 2 >= circle else 0.0
 

@@ -26,6 +26,8 @@ DEFAULTS: Table = {
         "middle_m": 0.0,
         "height_m": None,
         "climb_mps": None,
+        "goal_offset_m": 0.0,
+        "evading": False,
     },
     "roundabout": COMMON
     | {"speed_mps": 20.0, "radius_m": None, "room_m": 8.0, "centre_m": None, "approach_m": None},

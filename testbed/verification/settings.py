@@ -146,9 +146,9 @@ def nominal(s: Scenario, t: Array, pose: Pose, gamma: Array, complete: bool) -> 
                 if complete:
                     east, north, up = pose.position[:, k].T
                     now = east + 1j * north, up, pose.theta[:, k]
-                    side = float(np.sign(gamma[k, 1] if gamma.ndim == 2 else gamma[1]))
+                    turn = gamma[k] if gamma.ndim == 2 else gamma
                     begin = start(s).position if table["kind"] == "layers" else to
-                    found[:, k] = deconfliction.wanted(s, k, each, now, begin, to, side)
+                    found[:, k] = deconfliction.wanted(s, k, each, t, now, begin, to, turn)
             elif table["kind"] == "manoeuvre":
                 found[:, k] = gamma[k] if gamma.ndim == 2 else gamma
             elif complete or table["kind"] != "waypoints":

@@ -32,7 +32,7 @@ def telemetry(run: Recorded) -> Iterator[Finding]:
     if not all(name in run.vehicles for name in needed):
         return
     yield from _flow(run)
-    if len(run.t) < 3 or not resolved(run):
+    if len(run.t) < 4 or not resolved(run):
         why = "velocities are recorded too seldom to tell accelerations"
         for name in ("load_factor", "roll_rad"):
             yield Finding(name, f"{run.vehicles[name].size} values", "unknown", None, None, why)
@@ -78,10 +78,13 @@ def _forces(run: Recorded) -> Iterator[Finding]:
     velocity, dt = run.velocity, np.diff(run.t)[:, None, None]
     change = np.diff(velocity, axis=0) / dt
     before, after = np.concatenate([change[:1], change]), np.concatenate([change, change[-1:]])
-    # The two one-sided differences are as far apart as their mean may be off; at the ends as beside them.
-    apart = np.linalg.norm(after - before, axis=-1) / G_MPS2
-    apart[0], apart[-1] = apart[1], apart[-2]
-    apart = np.maximum(apart, np.maximum(np.roll(apart, 1, axis=0), np.roll(apart, -1, axis=0)))
+    # The two one-sided differences are as far apart as their mean may be off, there or one instant beside.
+    # At an end there is only the mean over the interval beside it: what the acceleration changes by within
+    # that interval, it changes by between the two or the three intervals beside as well.
+    inner = np.linalg.norm(change[1:] - change[:-1], axis=-1) / G_MPS2
+    first, last = inner[:2].max(axis=0), inner[-2:].max(axis=0)
+    apart = np.concatenate([[first, first], inner, [last, last]])
+    apart = np.maximum(np.maximum(apart[:-2], apart[1:-1]), apart[2:])
     force = in_body(run, 0.5 * (before + after) + np.array([0.0, 0.0, G_MPS2])) / G_MPS2
     gusts = PER_GUST * all_gusts(run.scenario)
     # Sideslip is not bounded for a vehicle that has departed from controlled flight.
