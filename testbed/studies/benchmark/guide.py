@@ -13,11 +13,12 @@ from testbed.studies.benchmark import cost, page
 Rows = Sequence[Mapping[str, Any]]
 
 
-def text(folder: Path, figure: str, title: str, before: str = "") -> str:
+def text(folder: Path, figure: str, title: str, before: str = "", worst: str = "worst") -> str:
     """The page of a benchmark's folder.
 
     figure  address of the drawing, as the page names it
     before  what stands below the title
+    worst   address of the folder of the worst encounters' scenario files
     """
     data = json_of(folder / page.MARK)
     b = data["benchmark"]
@@ -27,6 +28,7 @@ def text(folder: Path, figure: str, title: str, before: str = "") -> str:
         f"# {title}",
         before.strip(),
         f"{runs} runs: {counts}. All filters fly the same encounters from the same seeds.",
+        f"{_numbers(data)} {_earlier(data)}".strip(),
         page.WHAT,
         f"{page.HOW} Filters stand in the file's order, which says nothing.",
         f"![Runs lost over the time in which commands are altered]({figure})",
@@ -39,7 +41,7 @@ def text(folder: Path, figure: str, title: str, before: str = "") -> str:
         "## Milliseconds a step",
         _cost(folder, b),
         "## Worst encounters",
-        _worst(data["worst"]),
+        _worst(data["worst"], worst),
         "## What was flown",
         _flown(data),
     ]
@@ -66,10 +68,8 @@ def _sure(found: Rows) -> str:
     groups: dict[tuple[str, str, str], list[str]] = {}
     for c in found:
         if c["sure"]:
-            first = c["only_second"] > c["only_first"]
-            better, worse = (c["first"], c["second"]) if first else (c["second"], c["first"])
-            few, many = sorted((c["only_first"], c["only_second"]))
-            groups.setdefault((c["fleet"], c["plant"], better), []).append(f"{worse} ({few} : {many})")
+            said = f"{c['second']} ({c['only_first']} : {c['only_second']})"
+            groups.setdefault((c["fleet"], c["plant"], c["first"]), []).append(said)
     rows = [
         {"fleet": fleet, "plant": plant, "filter": name, "loses fewer than": ", ".join(of)}
         for (fleet, plant, name), of in groups.items()
@@ -92,7 +92,10 @@ def _cost(folder: Path, b: Mapping[str, Any]) -> str:
     first = b["reference"] or next(iter(b["filters"]))
     rows = cost.beside(json_of(folder / cost.FILE)["rows"], first)
     slow = {r["filter"]: r["times"] for r in rows if (r["times"] or 0.0) > 10.0}
-    note = "Processor time of a step of the whole fleet in one encounter, on one machine."
+    plant = next(iter(b["plants"]))
+    note = (
+        f"Processor time of a step of the whole fleet in one encounter on the plant {plant}, on one machine."
+    )
     if slow:
         named = ", ".join(f"{name} ({times:.0f} times)" for name, times in slow.items())
         note += f" More than ten times as long as {first}: {named}."
@@ -106,10 +109,51 @@ def _cost(folder: Path, b: Mapping[str, Any]) -> str:
     return f"{note}\n\n{markdown(told)}"
 
 
-def _worst(listed: Rows) -> str:
+def _numbers(data: Mapping[str, Any]) -> str:
+    """How many encounters a cell has, and which cells have fewer than the file asks for."""
+    b, sizes = data["benchmark"], data["vehicles"]
+    there = {(c["filter"], c["plant"], c["set"]): c["runs"] + c["refused"] for c in data["cells"]}
+    asked = {
+        (name, plant, set_): max(1, round(b["share"].get(name, 1.0) * of["n"]))
+        for name in b["filters"]
+        for plant in b["plants"]
+        for set_, of in b["sets"].items()
+    }
+
+    def listed(name: str) -> str:
+        of = {sizes[set_]: n for (filter_, _, set_), n in asked.items() if filter_ == name}
+        return " and ".join(f"{n} of {size} vehicles" for size, n in sorted(of.items()))
+
+    full = next(name for name in b["filters"] if name not in b["share"])
+    said = [f"Encounters of a cell: {listed(full)}", *(f"{name} {listed(name)}" for name in b["share"])]
+    short = {cell: there.get(cell, 0) for cell, n in asked.items() if there.get(cell, 0) < n}
+    if not short:
+        return "; ".join(said) + "."
+    ends: dict[tuple[int, int], list[int]] = {}
+    for cell, n in short.items():
+        ends.setdefault((asked[cell], sizes[cell[2]]), []).append(n)
+    which = "; ".join(
+        f"{len(of)} of {size} vehicles have {min(of)} to {max(of)} of {n}" for (n, size), of in ends.items()
+    )
+    return f"{'; '.join(said)}; but {len(short)} of {len(asked)} cells have fewer so far: {which}."
+
+
+def _earlier(data: Mapping[str, Any]) -> str:
+    """Which runs earlier code flew, and how it was found that they are those of this code."""
+    old = data["earlier"]
+    if not old["runs"]:
+        return ""
+    return (
+        f"{old['runs']} of the runs were flown by earlier code ({', '.join(old['codes'])}) and kept, because"
+        f" {old['again']} runs of the same filters and plants, drawn at random and flown again by this code,"
+        " gave the same rows to 1e-6 of each number."
+    )
+
+
+def _worst(listed: Rows, folder: str) -> str:
     rows = [
         {
-            "set": w["set"],
+            "set": f"[{w['set']}]({folder}/{w['set']}.toml)",
             "encounter": w["encounter"],
             "plant": w["plant"],
             "lost by": ", ".join(w["lost_by"]) or "nobody",
@@ -117,9 +161,14 @@ def _worst(listed: Rows) -> str:
         }
         for w in listed
     ]
+    if not rows:
+        return "None is recorded."
+    first = listed[0]["set"]
     return (
-        "Of each set the encounter that most filters lost; of equals the one that came nearest. The folder's"
-        f" `report.html` plays them, all filters together.\n\n{markdown(rows)}"
+        "Of each set the encounter that most filters lost; of equals the one that came nearest. Its scenario,"
+        " with the filter under which it came nearest, is flown and played, in this page's folder, by"
+        f" `testbed run {folder}/{first}.toml --out runs/worst --force && testbed report runs/worst --open`;"
+        f" the benchmark's `report.html` plays all filters together.\n\n{markdown(rows)}"
     )
 
 

@@ -111,10 +111,10 @@ def _sure(data: Mapping[str, Any]) -> list[Block]:
         {
             "fleet": c["fleet"],
             "plant": c["plant"],
-            "loses fewer": c["first"] if c["only_second"] > c["only_first"] else c["second"],
-            "than": c["second"] if c["only_second"] > c["only_first"] else c["first"],
-            "lost by the one alone": min(c["only_first"], c["only_second"]),
-            "by the other alone": max(c["only_first"], c["only_second"]),
+            "loses fewer": c["first"],
+            "than": c["second"],
+            "lost by the one alone": c["only_first"],
+            "by the other alone": c["only_second"],
             "encounters": c["encounters"],
             "p": c["p_value"],
         }

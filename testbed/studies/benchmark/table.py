@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -55,12 +55,10 @@ def _cell(of: Rows, base: Rows) -> dict[str, Any]:
         **_against(flown, base),
         "least_m": min(distances) if distances else None,
         "median_m": float(np.median(distances)) if distances else None,
-        "depth": max((r["nmac_depth"] for r in flown), default=None),
         "altered": altered.value,
         "altered_low": max(0.0, altered.low),
         "altered_high": min(1.0, altered.high),
         "added_s": float(np.median(added)) if added else None,
-        "ended_early": sum(bool(r["ended_early"]) for r in flown),
     }
 
 
@@ -91,7 +89,6 @@ def _against(flown: Rows, base: Rows) -> dict[str, Any]:
         "nuisance_of": nuisance.runs,
         "nuisance_low": nuisance.low,
         "nuisance_high": nuisance.high,
-        "lead_s": against["lead_s"].value,
     }
 
 
@@ -113,7 +110,8 @@ def pooled(rows: Rows, vehicles: Mapping[str, int], without: str = "") -> list[d
 class Comparison:
     """Two filters on one plant, in all sets of one size, encounter by encounter.
 
-    sure  whether they differ once all comparisons of the page are counted
+    first, second  the one that loses more runs is the second
+    sure           whether they differ once all comparisons of the page are counted
     """
 
     fleet: str
@@ -122,15 +120,6 @@ class Comparison:
     second: str
     pair: PairedVerdicts
     sure: bool = False
-
-    @property
-    def better(self) -> str:
-        """The filter that loses fewer runs."""
-        return self.first if self.pair.only_second > self.pair.only_first else self.second
-
-    @property
-    def worse(self) -> str:
-        return self.second if self.better == self.first else self.first
 
 
 def comparisons(rows: Rows, vehicles: Mapping[str, int], without: str = "") -> list[Comparison]:
@@ -142,15 +131,16 @@ def comparisons(rows: Rows, vehicles: Mapping[str, int], without: str = "") -> l
     for r in rows:
         if not r["refused"] and r["filter"] != without:
             fleet = f"{vehicles[r['set']]} vehicles"
-            of = groups.setdefault((fleet, r["plant"]), {}).setdefault(r["filter"], {})
-            of[r["set"], r["encounter"]] = bool(r["lost"])
+            here = groups.setdefault((fleet, r["plant"]), {}).setdefault(r["filter"], {})
+            here[r["set"], r["encounter"]] = bool(r["lost"])
     found = []
     for (fleet, plant), filters in groups.items():
         for first, second in itertools.combinations(filters, 2):
             both = [k for k in filters[first] if k in filters[second]]
+            of = {name: [filters[name][k] for k in both] for name in (first, second)}
+            one, other = sorted(of, key=lambda name: sum(of[name]))
             if both:
-                a, b = ([filters[name][k] for k in both] for name in (first, second))
-                found.append(Comparison(fleet, plant, first, second, paired_verdicts(a, b)))
+                found.append(Comparison(fleet, plant, one, other, paired_verdicts(of[one], of[other])))
     return holm(found)
 
 
@@ -165,10 +155,4 @@ def holm(found: Sequence[Comparison], error: float = ERROR) -> list[Comparison]:
         if found[k].pair.p_value > error / (len(found) - place):
             break
         sure.add(k)
-    return [Comparison(c.fleet, c.plant, c.first, c.second, c.pair, k in sure) for k, c in enumerate(found)]
-
-
-def fewer(found: Sequence[Comparison], fleet: str, plant: str, name: str) -> list[str]:
-    """The filters that surely lose more runs than `name` there."""
-    here = [c for c in found if (c.fleet, c.plant) == (fleet, plant)]
-    return [c.worse for c in here if c.sure and c.better == name]
+    return [replace(c, sure=k in sure) for k, c in enumerate(found)]
