@@ -28,7 +28,8 @@ Encounters of the first four sets come from small files of our own making, one i
 (`crossing`, NASA DAIDALUS), two that converge along legs (`converging`, BlueSky), one that turns across the
 own path or passes it (`turning`, a trajectory table in feet and knots, misses of up to 60 m), and an
 overtaking (`overtaking`, CSV). In `twenty`, twenty vehicles cross a square of 0.2 km² on courses drawn
-evenly. All vehicles fly under the filter.
+evenly. All vehicles fly under the filter. Ds is 5 m: who keeps it exactly may still come into the
+near-mid-air-collision cylinder, which is three times as wide.
 """
 
 

@@ -91,13 +91,16 @@ def _cells(cells: Rows) -> list[str]:
 def _cost(folder: Path, b: Mapping[str, Any]) -> str:
     first = b["reference"] or next(iter(b["filters"]))
     rows = cost.beside(json_of(folder / cost.FILE)["rows"], first)
-    slow = {r["filter"]: r["times"] for r in rows if (r["times"] or 0.0) > 10.0}
+    slow: dict[str, float] = {}
+    for r in rows:
+        if (r["times"] or 0.0) > 10.0:
+            slow[r["filter"]] = max(r["times"], slow.get(r["filter"], 0.0))
     plant = next(iter(b["plants"]))
     note = (
         f"Processor time of a step of the whole fleet in one encounter on the plant {plant}, on one machine."
     )
     if slow:
-        named = ", ".join(f"{name} ({times:.0f} times)" for name, times in slow.items())
+        named = ", ".join(f"{name} ({times:.1f} times)" for name, times in slow.items())
         note += f" More than ten times as long as {first}: {named}."
     columns = {"filter": "filter", "vehicles": "vehicles", "median_ms": "median [ms]", "most_ms": "95 % [ms]"}
     columns["times"] = f"times {first}"
@@ -133,7 +136,7 @@ def _numbers(data: Mapping[str, Any]) -> str:
     for cell, n in short.items():
         ends.setdefault((asked[cell], sizes[cell[2]]), []).append(n)
     which = "; ".join(
-        f"{len(of)} of {size} vehicles have {min(of)} to {max(of)} of {n}" for (n, size), of in ends.items()
+        f"{len(of)} of {size} vehicles have at least {min(of)} of {n}" for (n, size), of in ends.items()
     )
     return f"{'; '.join(said)}; but {len(short)} of {len(asked)} cells have fewer so far: {which}."
 
