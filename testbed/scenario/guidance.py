@@ -160,7 +160,7 @@ class Layers(_Following):
     evading: bool = Field(
         default=False,
         description="turns of more than 90 deg have the evading turn's sense, and after the goal that turn is"
-        " flown in the layer",
+        " flown at a height beyond all layers; a vehicle that comes no nearer to its goal changes its layer",
     )
     climb_mps: Positive | None = Field(
         default=None, description="of the descent to the goal; absent: 0.7 of the climb rate limit"
