@@ -35,7 +35,25 @@ near-mid-air-collision cylinder, which is three times as wide.
 
 def page() -> str:
     """The page, of what lies in docs/guide/data/field."""
-    return f"{guide.text(DATA, 'figures/field-loss.svg', TITLE, BEFORE, 'data/field/worst')}\n{tried()}"
+    before = f"{BEFORE.strip()}\n\n{where_lost()}"
+    return f"{guide.text(DATA, 'figures/field-loss.svg', TITLE, before, 'data/field/worst')}\n{tried()}"
+
+
+def where_lost() -> str:
+    """In which sets each filter lost runs on the last plant."""
+    data = json.loads((DATA / MARK).read_text(encoding="utf-8"))
+    b = data["benchmark"]
+    plant = list(b["plants"])[-1]
+    lost: dict[str, list[str]] = {name: [] for name in b["filters"] if name != b["without"]}
+    for c in data["cells"]:
+        if c["plant"] == plant and c["filter"] in lost and c["lost"]:
+            lost[c["filter"]].append(f"{c['lost']} of {c['runs']} in {c['set']}")
+    none = " and ".join(name for name, said in lost.items() if not said)
+    which = "; ".join(f"{name} {', '.join(said)}" for name, said in lost.items() if said)
+    return (
+        f"**Where runs were lost** on {plant}: {which}; {none or 'no filter'} none. Why a filter fails stands"
+        " with each rival in [rivals](rivals.md). Who loses nothing may still let few arrive: see the column."
+    )
 
 
 def tried() -> str:
