@@ -9,11 +9,11 @@ from testbed.scenario.scenario import Scenario
 # What "auto" means in this process and those that it starts. A campaign's workers have it at 1: they share
 # the processors among runs, which need not wait for one another.
 VARIABLE = "TESTBED_FLEET_WORKERS"
-# From which size on workers gain, measured on an idle machine (tests/benchmarks/gain.py): a step of 10
-# aircraft over 10 periods, or of 20 over one, takes two processes 0.6 of what one takes; of 5 over 10 periods
-# 0.65 to 2. On a busy machine each wait takes milliseconds, so that is not gone down to. A turn counts as
-# two periods more: by then the aircraft has left the processor's cache. In the run: starting a worker takes
-# 0.4 s of a processor, and a period 8 us.
+# From which size on workers gain for certain (tests/benchmarks/gain.py): a step of 10 aircraft over 10
+# periods, or of 20 over one, takes two processes 0.55 of what one takes. On an idle machine 2 aircraft gain
+# too (0.65); on a busy one 5 took from 0.65 to 2, since each wait takes milliseconds. A turn counts as two
+# periods more: by then the aircraft has left the processor's cache. In the run: starting a worker takes 0.4
+# s of a processor, and a period 8 us.
 TURN, PERIODS_PER_STEP, PERIODS_PER_RUN = 2, 80, 200_000
 # Tasks that want a processor, for each that there is, above which a second process would be waited for in
 # every step: it gets its turn some milliseconds later.
