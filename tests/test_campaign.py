@@ -20,12 +20,13 @@ import psutil
 import pytest
 
 from aircraft.airframe import copy
-from testbed.campaigns.cluster import Cluster
+from testbed.campaigns.cluster import Cluster, on_worker
 from testbed.campaigns.folder import locked
 from testbed.campaigns.outcome import Executor
 from testbed.campaigns.processes import Processes
 from testbed.campaigns.progress import Progress
 from testbed.campaigns.runner import fly_all, prepare
+from testbed.campaigns.transfer import packed
 from testbed.campaigns.view import View
 from testbed.errors import UserError
 
@@ -356,6 +357,10 @@ def test_over_a_cluster_with_a_worker_killed_it_gives_the_same_bytes(
     address, workers = dask
     with Cluster(address, timeout_s=60) as pool:
         wait(lambda: pool.workers == 2)
+        # Runs are short: a worker that still imports would find none left.
+        ready = packed(exec, "import testbed.campaigns.flight")
+        for worker in pool.client.scheduler_info()["workers"]:
+            pool.client.submit(on_worker, 0, ready, workers=[worker], pure=False).result()
 
         def kill(seen: int) -> None:
             if seen == 10:

@@ -170,7 +170,8 @@ def _worst(listed: Rows, folder: str) -> str:
     return (
         "Of each set the encounter that most filters lost; of equals the one that came nearest. Its scenario,"
         " with the filter under which it came nearest, is flown and played, in this page's folder, by"
-        f" `testbed run {folder}/{first}.toml --out runs/worst --force && testbed report runs/worst --open`;"
+        f" `testbed run {folder}/{first}.toml --out runs/worst --force` and"
+        " `testbed report runs/worst --open`;"
         f" the benchmark's `report.html` plays all filters together.\n\n{markdown(rows)}"
     )
 
