@@ -107,7 +107,6 @@ class FlowFilter:
         one = np.ones((1, 3))
         solve_each(0 * one, np.zeros(1, dtype=np.intp), one, one[0], -one, one)
         self._before: Array | None = None
-        self._told: Array | None = None
         self._clear = np.full((len(gamma), len(gamma)), np.nan)
 
     @property
@@ -127,15 +126,15 @@ class FlowFilter:
         """
         problem = Problem(*input_set(view, nominal, limits))
         target, lower, upper = problem.target, problem.lower, problem.upper
-        if self._told is not None:
-            lower = np.maximum(lower, self._told - self._change)
-            upper = np.minimum(upper, self._told + self._change)
         own, flow, n = view.own(), self.flow, len(target)
         state, rates = own.state, own.rates.array()
         if not (state.isfinite().all() and np.isfinite(rates).all()):
             raise ValueError("the flow needs finite poses and rates")
         self._belief.see(rates)
         rates, queued = self._belief.rates, self._belief.queued
+        if self.record.steps:  # before, nothing was commanded
+            lower = np.maximum(lower, queued[0] - self._change)
+            upper = np.minimum(upper, queued[0] + self._change)
         ends = np.stack([lower, upper, *queued])
         told = np.abs(ends - flow.gamma).max(axis=0)
         begun = flow.begin(state, rates, queued, flow.times(rates, told))
@@ -169,7 +168,6 @@ class FlowFilter:
         self._clear = clear
         self._note(clear, ending)
         self._belief.told(u)
-        self._told = u.copy()
         short = np.zeros(n)
         for who in (found.i, found.j):
             there = who < n

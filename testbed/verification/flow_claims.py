@@ -82,10 +82,8 @@ def flow_claims(rows: Rows) -> Iterator[Finding]:
     if not why and known is None:
         why = "the lags of the model are not to be found"
     slew = slews(rows.s)
-    if (
-        not why
-        and (np.abs(np.diff(run.command, axis=0)) > slew * rows.s["rates"]["filter_dt_s"] + 1e-9).any()
-    ):
+    most = slew * rows.s["rates"]["filter_dt_s"] + 1e-9
+    if not why and (np.abs(np.diff(run.command, axis=0)) > most).any():
         why = "commands change faster than the filter says that they may"
     least = None if why or known is None else _clearances(run, Lagging.of(known).under(slew))
     for id in names:
@@ -106,7 +104,7 @@ def model_lags(s: dict[str, Any]) -> Array | None:
 
 def slews(s: dict[str, Any]) -> Array:
     """What the filter's commands change by at most (3,) a second."""
-    said = (s["filter"].get(name) for name in ("speed_slew_mps2", "omega", "climb_slew_mps2"))
+    said = (s["filter"].get("speed_slew_mps2"), None, s["filter"].get("climb_slew_mps2"))
     return np.array([np.inf if x is None else x for x in said])
 
 
